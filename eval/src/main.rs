@@ -1,0 +1,3 @@
+//! The command `chronotope-eval`; see `chronotope-eval --help`.
+
+fn main() {}

@@ -1,0 +1,28 @@
+//! What stands out in this image?
+//!
+//! Conventions: `x` to the right and `y` down, in pixels, with the centre of the upper-left pixel at
+//! (0, 0) as in OpenCV. Images are 8-bit grey, row by row without padding. A descriptor is 256 bits;
+//! bit `i` of BRIEF is stored at bit `7 - i % 8` of byte `i / 8`, byte `b` at bits `8 * (b % 8)..` of
+//! word `b / 8`, so that the 32 bytes are OpenCV's.
+
+mod types;
+
+pub use types::{Descriptor, Features, FeaturesView, GrayImage, Keypoint, Rect};
+
+use crate::error::Result;
+
+/// Finds keypoints in a grey image and describes them.
+///
+/// The result is sorted by response (descending), then `y`, then `x`, so that it is the same for
+/// every run and any number of threads. An image too small or too dark for any keypoint gives empty
+/// [`Features`], not an error.
+pub trait Extractor: Send + Sync {
+    /// Names the algorithm and every parameter that changes its output; stored in maps, so that a
+    /// query extracted in another way is refused.
+    fn id(&self) -> String;
+
+    /// At most the configured number of features of `image`, strongest first.
+    ///
+    /// `mask`, where given, has the image's size; keypoints on its zero pixels are dropped.
+    fn extract(&self, image: &GrayImage, mask: Option<&GrayImage>) -> Result<Features>;
+}

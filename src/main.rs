@@ -1,0 +1,3 @@
+//! The command `chronotope`; see `chronotope --help`.
+
+fn main() {}

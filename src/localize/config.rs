@@ -57,8 +57,9 @@ impl std::str::FromStr for Method {
     fn from_str(name: &str) -> Result<Self> {
         let found = Self::ALL.into_iter().find(|method| method.name() == name);
         found.ok_or_else(|| {
-            Error::new(ErrorKind::Config, format!("there is no method `{name}`"))
-                .with_help(format!("use one of {}", Self::ALL.map(Self::name).join(", ")))
+            Error::new(ErrorKind::Config, format!("there is no method `{name}`")).with_help(
+                format!("use one of {}", Self::ALL.map(Self::name).join(", ")),
+            )
         })
     }
 }
@@ -98,8 +99,10 @@ impl std::str::FromStr for Score {
     fn from_str(name: &str) -> Result<Self> {
         let found = Self::ALL.into_iter().find(|score| score.name() == name);
         found.ok_or_else(|| {
-            Error::new(ErrorKind::Config, format!("there is no score `{name}`"))
-                .with_help(format!("use one of {}", Self::ALL.map(Self::name).join(", ")))
+            Error::new(ErrorKind::Config, format!("there is no score `{name}`")).with_help(format!(
+                "use one of {}",
+                Self::ALL.map(Self::name).join(", ")
+            ))
         })
     }
 }
@@ -288,7 +291,10 @@ mod tests {
         for preset in Preset::ALL {
             let cfg = LocalizerConfig::preset(preset);
             let text = toml::to_string(&cfg).expect("serialises");
-            assert_eq!(toml::from_str::<LocalizerConfig>(&text).expect("own text"), cfg);
+            assert_eq!(
+                toml::from_str::<LocalizerConfig>(&text).expect("own text"),
+                cfg
+            );
         }
     }
 }

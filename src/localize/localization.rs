@@ -63,10 +63,15 @@ impl fmt::Display for Reason {
             min_score,
         } = self;
         if best < min_score {
-            return write!(f, "the best place scores {best}, below the least score {min_score}");
+            return write!(
+                f,
+                "the best place scores {best}, below the least score {min_score}"
+            );
         }
         match second {
-            Some(second) if second == best => write!(f, "several places share the best score {best}"),
+            Some(second) if second == best => {
+                write!(f, "several places share the best score {best}")
+            }
             Some(second) => write!(f, "the best place scores {best}, the second {second}"),
             None => write!(f, "the only place scores {best}"),
         }
@@ -189,13 +194,17 @@ impl Candidate {
         self.score = score(cfg, matches, vote);
         self.matches.clear();
         let inliers = inliers.inliers().iter();
-        self.matches
-            .extend(matches.iter().zip(inliers).map(|(found, &inlier)| EvidenceMatch {
-                rank: found.map,
-                live: found.live,
-                distance_bits: found.distance_bits,
-                inlier,
-            }));
+        self.matches.extend(
+            matches
+                .iter()
+                .zip(inliers)
+                .map(|(found, &inlier)| EvidenceMatch {
+                    rank: found.map,
+                    live: found.live,
+                    distance_bits: found.distance_bits,
+                    inlier,
+                }),
+        );
     }
 
     /// Takes over the evidence of an appearance if it is the first or scores higher than those before.

@@ -116,7 +116,10 @@ impl Localizer {
         if !plans.iter().any(remembers) {
             return Err(Error::new(
                 ErrorKind::Config,
-                format!("the map kept no appearances, which method `{}` needs", cfg.method()),
+                format!(
+                    "the map kept no appearances, which method `{}` needs",
+                    cfg.method()
+                ),
             )
             .with_help("build the map with `keep-appearances = \"all\"`, or use method `fremen`"));
         }
@@ -185,7 +188,9 @@ impl Localizer {
                         live,
                         &mut scratch.matches,
                     );
-                    let vote = scratch.verify.vote(&self.cfg, &scratch.matches, ranked, live);
+                    let vote = scratch
+                        .verify
+                        .vote(&self.cfg, &scratch.matches, ranked, live);
                     candidate.explain(&self.cfg, &scratch.matches, &scratch.verify.vote, &vote);
                 }
                 plan @ Plan::Appearances { .. } => {
@@ -199,8 +204,16 @@ impl Localizer {
                             live,
                             &mut scratch.matches,
                         );
-                        let vote = scratch.verify.vote(&self.cfg, &scratch.matches, ranked, live);
-                        candidate.improve(&self.cfg, visit, &scratch.matches, &scratch.verify.vote, &vote);
+                        let vote = scratch
+                            .verify
+                            .vote(&self.cfg, &scratch.matches, ranked, live);
+                        candidate.improve(
+                            &self.cfg,
+                            visit,
+                            &scratch.matches,
+                            &scratch.verify.vote,
+                            &vote,
+                        );
                     }
                 }
             }
@@ -245,7 +258,9 @@ impl Localizer {
     ) {
         scratch.predicted.predict(model, time, selection);
         let features = &self.snapshot.node(id).features;
-        scratch.ranked.gather(features, scratch.predicted.features());
+        scratch
+            .ranked
+            .gather(features, scratch.predicted.features());
     }
 
     /// At most the `size` strongest features of an appearance.
@@ -272,7 +287,8 @@ impl Plan {
             (0..)
                 .zip(&node.visits)
                 .filter(|(_, visit)| {
-                    visit.appearance.is_some() && only.is_none_or(|only| visit.appearance_use == only)
+                    visit.appearance.is_some()
+                        && only.is_none_or(|only| visit.appearance_use == only)
                 })
                 .map(|(index, _)| index)
                 .collect()
@@ -336,7 +352,12 @@ impl Verify {
         map: FeaturesView<'_>,
         live: FeaturesView<'_>,
     ) -> Vote {
-        displacements_into(matches, map.keypoints, live.keypoints, &mut self.displacements);
+        displacements_into(
+            matches,
+            map.keypoints,
+            live.keypoints,
+            &mut self.displacements,
+        );
         vote_displacement(cfg.vote(), &mut self.vote, &self.displacements)
     }
 }

@@ -5,7 +5,7 @@
 //! Appearances do not depend on the method, so what they say of a query is kept for the next localizer.
 //! A test holds the tallies equal to those of [`Localizer::localize`] for each n.
 
-use super::{Localizer, Plan, Query, Scratch, Score};
+use super::{Localizer, Plan, Query, Score, Scratch};
 use crate::error::{Error, ErrorKind, Result};
 use crate::map::NodeId;
 use crate::predict::Selection;

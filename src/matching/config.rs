@@ -32,6 +32,12 @@ struct WindowFields {
 }
 
 impl Window {
+    /// `|dx| < 400`, `|dy| < 50`: a robot on its path again, as in the reference recipe.
+    pub const REFERENCE: Self = Self(WindowFields {
+        max_dx_px: 400.0,
+        max_dy_px: 50.0,
+    });
+
     /// Both limits are exclusive; one that is not above 0 is an [`ErrorKind::Config`] error.
     pub fn new(max_dx_px: f64, max_dy_px: f64) -> Result<Self> {
         for (name, value) in [("max-dx-px", max_dx_px), ("max-dy-px", max_dy_px)] {
@@ -220,10 +226,7 @@ impl MatchConfig {
             mutual: false,
             unique: false,
             ratio: Some(0.7),
-            window: Some(Window(WindowFields {
-                max_dx_px: 400.0,
-                max_dy_px: 50.0,
-            })),
+            window: Some(Window::REFERENCE),
         })
     }
 

@@ -162,11 +162,11 @@ mod tests {
             self.0.len()
         }
 
-        fn score_into(&self, _: Time, out: &mut [f64]) {
+        fn predict_into(&self, _: Time, out: &mut [f64]) {
             out.copy_from_slice(&self.0);
         }
 
-        fn score_one(&self, feature: usize, _: Time) -> f64 {
+        fn predict_one(&self, feature: usize, _: Time) -> f64 {
             self.0[feature]
         }
     }

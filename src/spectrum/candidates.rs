@@ -31,6 +31,27 @@ impl CandidatePeriods {
     /// No set has more candidates than this.
     pub const MAX_COUNT: usize = u16::MAX as usize;
 
+    /// A year and its fractions down to a month: what the reference recipe looks for in monthly visits.
+    pub const MONTHS: Self = Self(Kind::Harmonic {
+        base: Period::YEAR,
+        count: 12,
+    });
+
+    /// The rhythms of sun and people: a year, half a year, a week, and a day with its fractions down to
+    /// 6 h. Which of them a place's visits can support is for guards to say.
+    pub fn natural() -> Self {
+        let [year, week, day] = [Period::YEAR, Period::WEEK, Period::DAY];
+        Self(Kind::List(vec![
+            year,
+            year.fraction(2),
+            week,
+            day,
+            day.fraction(2),
+            day.fraction(3),
+            day.fraction(4),
+        ]))
+    }
+
     /// The periods `base / 1`, `base / 2`, ... `base / count`.
     ///
     /// `count` is in `1..=`[`MAX_COUNT`](Self::MAX_COUNT) and `base / count` at least 2 us.

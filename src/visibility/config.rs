@@ -227,6 +227,22 @@ impl VisibilityConfig {
         Self::new(ModelConfig::Fremen { candidates, order })
     }
 
+    /// Preset `lttl`: the strongest fraction of a year, whatever the visits can support.
+    pub fn lttl() -> Self {
+        Self::fremen(CandidatePeriods::MONTHS, Order::Fixed(1))
+    }
+
+    /// Preset `default`: the strongest of the [natural](CandidatePeriods::natural) rhythms that fit into
+    /// the span of the visits and last two median gaps. One cycle is enough here, since a year of
+    /// monthly visits is what outdoor maps begin with.
+    pub fn rhythms() -> Self {
+        let guards = Guards {
+            min_cycles: 0.9,
+            min_gaps: 2.0,
+        };
+        Self::fremen(CandidatePeriods::natural(), Order::Fixed(1)).with_guards(Some(guards))
+    }
+
     /// Any model, without guards, unborn features not seen.
     pub fn new(model: ModelConfig) -> Self {
         Self {

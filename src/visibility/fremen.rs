@@ -78,6 +78,13 @@ impl VisibilityModel for Fremen {
     }
 
     fn predict_into(&self, time: Time, out: &mut [f64]) {
+        self.score_into(time, out);
+        for p in out {
+            *p = p.clamp(0.0, 1.0);
+        }
+    }
+
+    fn score_into(&self, time: Time, out: &mut [f64]) {
         out.copy_from_slice(&self.mean);
         if self.order == 0 {
             return;
@@ -91,9 +98,6 @@ impl VisibilityModel for Fremen {
                 }
             }
         });
-        for p in out {
-            *p = p.clamp(0.0, 1.0);
-        }
     }
 
     fn predict_one(&self, feature: usize, time: Time) -> f64 {

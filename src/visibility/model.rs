@@ -34,6 +34,15 @@ pub trait VisibilityModel: Debug + Send + Sync {
     /// If there is no such feature.
     fn predict_one(&self, feature: usize, time: Time) -> f64;
 
+    /// Writes what features are ranked by: p(`time`) before it is clamped to [0, 1], where the model has
+    /// such a number, so that features whose p is clamped alike still differ.
+    ///
+    /// # Panics
+    /// If `out` is not [`num_features`](Self::num_features) long.
+    fn score_into(&self, time: Time, out: &mut [f64]) {
+        self.predict_into(time, out);
+    }
+
     /// The most rhythms that a feature may have: 0 if p does not depend on time through rhythms.
     fn order(&self) -> usize {
         0

@@ -131,6 +131,13 @@ impl Localizer {
         })
     }
 
+    /// The same with another part of each place predicted; models are not fitted again.
+    #[must_use]
+    pub fn with_selection(mut self, selection: Selection) -> Self {
+        self.cfg = self.cfg.with_selection(selection);
+        self
+    }
+
     /// The map it reads.
     pub fn snapshot(&self) -> &Arc<Snapshot> {
         &self.snapshot

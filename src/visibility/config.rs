@@ -265,6 +265,15 @@ impl VisibilityConfig {
         self
     }
 
+    /// The same with a fixed order; a model without rhythms stays as it is.
+    #[must_use]
+    pub fn with_order(mut self, fixed: usize) -> Self {
+        if let ModelConfig::Fremen { order, .. } = &mut self.model {
+            *order = Order::Fixed(fixed);
+        }
+        self
+    }
+
     /// The model's kind and options.
     pub fn model(&self) -> &ModelConfig {
         &self.model

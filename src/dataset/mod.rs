@@ -1,5 +1,7 @@
 //! Where do images, times, places, edges and truth come from?
 
+pub mod synthetic;
+
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;

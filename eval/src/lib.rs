@@ -5,8 +5,11 @@
 //! and [`table`] prints a run in a terminal.
 
 pub mod compare;
+pub mod harness;
+pub mod material;
 pub mod metrics;
 pub mod results;
+pub mod suite;
 pub mod table;
 
 // The made-up run is shared by unit and integration tests, which name this crate differently.

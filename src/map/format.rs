@@ -400,14 +400,14 @@ mod tests {
         fn a_single_flip_is_located(
             blob in proptest::collection::vec(any::<u8>(), 1..300),
             at in any::<prop::sample::Index>(),
-            bit in 0..8,
+            bit in 0..8_u8,
         ) {
             let values = |blob: &[u8]| row_crc(&PLACE, &[
                 ValueRef::Integer(7), ValueRef::Integer(1), ValueRef::Blob(blob)]);
             let stored = values(&blob);
             let at = at.index(blob.len());
             let mut damaged = blob.clone();
-            damaged[at] ^= 1 << bit;
+            damaged[at] ^= 1_u8 << bit;
             let row = [ValueRef::Integer(7), ValueRef::Integer(1), ValueRef::Blob(&damaged)];
             prop_assert_eq!(locate_flip(&PLACE, &row, stored), Some((Some("key"), at)));
             let row = [ValueRef::Integer(7), ValueRef::Integer(1), ValueRef::Blob(&blob)];

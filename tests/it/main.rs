@@ -2,3 +2,4 @@
 
 mod visibility;
 mod dataset;
+mod map;

@@ -9,6 +9,7 @@ pub mod harness;
 pub mod material;
 pub mod metrics;
 pub mod results;
+pub mod run;
 pub mod suite;
 pub mod table;
 

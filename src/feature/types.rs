@@ -45,6 +45,12 @@ impl GrayImage {
         }
     }
 
+    /// Gives the image another shape of the same number of pixels.
+    pub(super) fn reshape(&mut self, width: usize, height: usize, data: Vec<u8>) {
+        debug_assert_eq!(width * height, data.len());
+        (self.width, self.height, self.data) = (width, height, data);
+    }
+
     /// Columns.
     pub fn width(&self) -> usize {
         self.width

@@ -363,7 +363,7 @@ fn one_series(
     let mut points: Vec<Point> = results
         .rows
         .iter()
-        .filter(|row| row.variant() == *variant)
+        .filter(|row| row.is_of(variant))
         .filter(|row| along == Along::N || row.pairs_compared > 0.0)
         .map(|row| Point {
             x: match along {

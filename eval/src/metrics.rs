@@ -497,7 +497,7 @@ mod tests {
 
     #[test]
     fn wilson_has_its_known_values() {
-        // R: binom::binom.confint(x, n, methods = "wilson").
+        // Worked out by hand: none of n gives z^2 / (n + z^2), half of n is symmetric around 0.5.
         for (x, n, low, high) in [
             (0.0, 60, 0.0, 0.060_17),
             (3.0, 60, 0.017_14, 0.137_00),

@@ -287,6 +287,15 @@ impl Row {
         }
     }
 
+    /// Whether this is a row of `variant`.
+    pub fn is_of(&self, variant: &Variant) -> bool {
+        self.order == variant.order
+            && self.method == variant.method
+            && self.model == variant.model
+            && self.score == variant.score
+            && self.preset == variant.preset
+    }
+
     /// The key under which this row's answers are stored.
     pub fn key(&self) -> RowKey {
         self.variant().at(self.n)
@@ -429,7 +438,7 @@ impl SuiteResults {
     pub fn row(&self, key: &RowKey) -> Option<&Row> {
         self.rows
             .iter()
-            .find(|row| row.n == key.n && row.variant() == key.variant)
+            .find(|row| row.n == key.n && row.is_of(&key.variant))
     }
 
     /// All variants, in the order of their first rows.

@@ -60,7 +60,7 @@ const METHODS: [Made; 14] = [
 ];
 
 /// Uniform in 0..1, the same for the same words.
-fn chance(words: &[&str]) -> f64 {
+pub(crate) fn chance(words: &[&str]) -> f64 {
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     for byte in words.join("/").bytes() {
         hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
@@ -78,9 +78,9 @@ impl Made {
     fn answer(&self, query: usize, truth: &str, n: u32) -> Answer {
         let (query, name) = (query.to_string(), self.variant);
         // Hard images are hard for everybody: most of the luck belongs to the query.
-        let luck = 0.75 * chance(&["hard", &query])
-            + 0.25 * chance(&["luck", &query, name, &n.to_string()]);
-        let threshold = self.wrong_at_10 * 0.9 * (10.0 / f64::from(n)).powf(0.45) + 0.03;
+        let luck =
+            0.8 * chance(&["hard", &query]) + 0.2 * chance(&["luck", &query, name, &n.to_string()]);
+        let threshold = 0.04 + 1.25 * self.wrong_at_10 * (10.0 / f64::from(n)).powf(0.4);
         let other = PLACES[(PLACES.len() as f64 * chance(&["other", &query])) as usize];
         let first = if luck < threshold { other } else { truth };
         let is_tied = self.variant.contains("count")

@@ -52,20 +52,20 @@ impl Fault {
     }
 
     fn place(&self) -> String {
-        let mut place = match self.table {
-            "file" => "file".to_string(),
+        let table = match self.table {
+            "file" => "file".into(),
             table => format!("table {table}"),
         };
-        if let Some(row) = self.row {
-            place += &format!(", row {row}");
-        }
-        if let Some(column) = self.column {
-            place += &format!(", column {column}");
-        }
-        if let Some(byte) = self.byte {
-            place += &format!(", byte {byte}");
-        }
-        place
+        [
+            Some(table),
+            self.row.map(|row| format!("row {row}")),
+            self.column.map(|column| format!("column {column}")),
+            self.byte.map(|byte| format!("byte {byte}")),
+        ]
+        .into_iter()
+        .flatten()
+        .collect::<Vec<_>>()
+        .join(", ")
     }
 
     pub(super) fn into_error(self) -> Error {
@@ -387,10 +387,10 @@ fn scan_rows(
             id,
             values: &values,
         };
-        if let Err(fault) = row.check_crc(crc).and_then(|()| each(&row, faults)) {
-            if let Err(error) = faults.add(fault) {
-                return Ok(Err(error));
-            }
+        if let Err(fault) = row.check_crc(crc).and_then(|()| each(&row, faults))
+            && let Err(error) = faults.add(fault)
+        {
+            return Ok(Err(error));
         }
     }
     Ok(Ok(()))

@@ -427,7 +427,13 @@ pub(super) fn check_structure(
 /// What failed in SQLite, in words of this crate.
 pub(super) fn sqlite_error(error: &rusqlite::Error) -> Error {
     use rusqlite::ErrorCode as Code;
+    let extended = error.sqlite_error().map(|error| error.extended_code);
     let (kind, message, help) = match error.sqlite_error_code() {
+        Some(Code::ReadOnly) if extended == Some(rusqlite::ffi::SQLITE_READONLY_ROLLBACK) => (
+            ErrorKind::Io,
+            "the last commit was interrupted and has to be undone before the map can be read",
+            "open it once where file and folder may be written, together with its `-journal`",
+        ),
         Some(Code::DiskFull) => (
             ErrorKind::Io,
             "the disk is full; the map stays as it was",
@@ -436,8 +442,7 @@ pub(super) fn sqlite_error(error: &rusqlite::Error) -> Error {
         Some(Code::ReadOnly) => (
             ErrorKind::Io,
             "the file or its folder may not be written",
-            "a commit, or the undoing of an interrupted one, needs both to be writable: change the \
-             rights or copy the map together with its `-journal`",
+            "a commit needs both to be writable: change the rights or copy the map",
         ),
         Some(Code::CannotOpen) => (
             ErrorKind::Io,

@@ -284,9 +284,11 @@ fn shared() -> std::sync::RwLockReadGuard<'static, ()> {
 }
 
 pub(super) fn connect(path: &Path, flags: OpenFlags) -> Result<Connection> {
+    // An absolute path is never taken for one of SQLite's special names (`:memory:`, `file:...`).
+    let path = std::path::absolute(path).map_err(|error| Error::io(path, &error))?;
     let connect = || {
-        let connection =
-            Connection::open_with_flags(path, flags | OpenFlags::SQLITE_OPEN_NO_MUTEX)?;
+        let flags = flags | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+        let connection = Connection::open_with_flags(path, flags)?;
         connection.busy_timeout(BUSY_TIMEOUT)?;
         // A file from elsewhere must not run functions by its schema.
         connection.pragma_update(None, "trusted_schema", false)?;

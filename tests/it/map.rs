@@ -288,6 +288,46 @@ fn two_writers_do_not_overwrite_each_other() {
 }
 
 #[test]
+fn one_thread_commits_while_others_read() {
+    let (_folder, path) = folder();
+    let (map, mut snapshot) = small(&path);
+    let reader = Map::open_read_only(&path).expect("is a map");
+    std::thread::scope(|scope| {
+        let readers: Vec<_> = (0..2)
+            .map(|_| {
+                scope.spawn(|| {
+                    let mut last = 0;
+                    while last < 21 {
+                        // Opening anew reads the header beside a running commit.
+                        let opened = Map::open_read_only(&path).expect("sound").snapshot();
+                        let refreshed = reader.refresh().expect("sound");
+                        assert!(refreshed.generation >= opened.generation);
+                        assert!(opened.generation >= last);
+                        assert!(opened.check().is_ok());
+                        last = opened.generation;
+                    }
+                })
+            })
+            .collect();
+        for number in 200..220 {
+            let step = Step::Visit {
+                place: (number % 3) as u8,
+                born: 30,
+                seen: vec![true, false],
+                hidden: None,
+                kept: true,
+            };
+            take(&mut snapshot, number, &step);
+            map.commit(&snapshot).expect("extends");
+        }
+        for reader in readers {
+            reader.join().expect("no assertion failed");
+        }
+    });
+    assert!(Map::verify(&path).expect("is a map").is_clean());
+}
+
+#[test]
 fn what_is_no_map_is_named_and_left_alone() {
     let (folder, _) = folder();
     let sqlite = |name: &str, id: u32, version: u32| {
@@ -589,7 +629,10 @@ fn golden_map_of_format_1_still_opens() {
     assert!(same(&snapshot, &golden()));
     assert_eq!(snapshot.generation, 2);
     let hex = |digest: [u8; 32]| digest.map(|byte| format!("{byte:02x}")).concat();
-    assert_eq!(hex(snapshot.digest()), "b7bbf5cea7009b2be9144cf9c6581d1c5e8c5a19b630885afe5c76d1a9bd6db4");
+    assert_eq!(
+        hex(snapshot.digest()),
+        "b7bbf5cea7009b2be9144cf9c6581d1c5e8c5a19b630885afe5c76d1a9bd6db4"
+    );
     let report = Map::verify(&path).expect("a map");
     assert!(report.is_clean(), "{:?}", report.faults);
     assert_eq!(std::fs::read(&path).expect("there"), bytes);

@@ -377,6 +377,72 @@ fn what_is_no_map_is_named_and_left_alone() {
     assert!(error.to_string().contains("folder"), "{error}");
 }
 
+/// The map after `generation` commits of [`a_killed_writer_loses_nothing_it_acknowledged`].
+fn after_commits(start: &Snapshot, from: u64, to: u64) -> Snapshot {
+    let mut snapshot = start.clone();
+    for number in from..to {
+        let step = Step::Visit {
+            place: (number % 3) as u8,
+            born: 60,
+            seen: vec![true, false, true],
+            hidden: None,
+            kept: true,
+        };
+        take(&mut snapshot, number, &step);
+    }
+    snapshot
+}
+
+#[test]
+fn a_killed_writer_loses_nothing_it_acknowledged() {
+    use std::io::{BufRead, BufReader, Write};
+
+    const FILE: &str = "CHRONOTOPE_TEST_KILLED_WRITER";
+    const ROUNDS: u64 = 20;
+    if let Some(path) = std::env::var_os(FILE) {
+        // Started again below: commits until it is killed.
+        let map = Map::open(path).expect("sound");
+        loop {
+            let now = map.snapshot();
+            let next = after_commits(&now, now.generation, now.generation + 1);
+            let generation = map.commit(&next).expect("extends");
+            writeln!(std::io::stdout(), "committed {generation}").expect("heard");
+        }
+    }
+    let (_folder, path) = folder();
+    let mut known = Snapshot::clone(&Map::create(&path, meta()).expect("new").snapshot());
+    for round in 0..ROUNDS {
+        let mut writer = std::process::Command::new(std::env::current_exe().expect("running"))
+            .args([
+                "--exact",
+                "map::a_killed_writer_loses_nothing_it_acknowledged",
+            ])
+            .arg("--nocapture")
+            .env(FILE, &path)
+            .stdout(std::process::Stdio::piped())
+            .spawn()
+            .expect("can be started");
+        let output = BufReader::new(writer.stdout.take().expect("piped"));
+        let mut lines = output.lines().map_while(Result::ok);
+        let acknowledged = |line: String| line.strip_prefix("committed ")?.parse::<u64>().ok();
+        let mut last = lines.by_ref().find_map(acknowledged).expect("one commit");
+        std::thread::sleep(std::time::Duration::from_micros(round * 377 % 3001));
+        writer.kill().expect("runs");
+        writer.wait().expect("ours");
+        last = lines.filter_map(acknowledged).last().unwrap_or(last);
+        let found = Map::open(&path).expect("sound").snapshot();
+        assert!(
+            (last..=last + 1).contains(&found.generation),
+            "{last} was acknowledged, {} is found",
+            found.generation
+        );
+        known = after_commits(&known, known.generation, found.generation);
+        known.generation = found.generation;
+        assert_eq!(*found, known);
+        assert!(Map::verify(&path).expect("a map").is_clean());
+    }
+}
+
 /// Whether rights bind this process; to root they are nothing.
 fn may_write(folder: &Path) -> bool {
     let probe = folder.join("probe");

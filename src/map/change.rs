@@ -38,7 +38,7 @@ impl Change {
         }
         next.check_frame()?;
         if next.nodes.len() < stored.nodes.len() {
-            return Err(does_not_extend(format!(
+            return Err(does_not_extend(&format!(
                 "it has {} places where {} are stored",
                 next.nodes.len(),
                 stored.nodes.len()
@@ -238,14 +238,14 @@ fn check_meta(stored: &Snapshot, next: &Snapshot) -> Result<()> {
         ("crop", has_visits && before.crop != after.crop),
     ];
     match fixed.iter().find(|(_, differs)| *differs) {
-        Some((what, _)) => Err(does_not_extend(format!("its {what} is another"))),
+        Some((what, _)) => Err(does_not_extend(&format!("its {what} is another"))),
         None => Ok(()),
     }
 }
 
 fn check_prefix(before: &Node, after: &Node) -> Result<()> {
     let fault =
-        |what: String| Err(does_not_extend(what).with_place(format!("place `{}`", before.key)));
+        |what: String| Err(does_not_extend(&what).with_place(format!("place `{}`", before.key)));
     if before.key != after.key {
         return fault(format!("it has `{}` instead", after.key));
     }
@@ -284,7 +284,7 @@ fn check_prefix(before: &Node, after: &Node) -> Result<()> {
     }
 }
 
-fn does_not_extend(what: String) -> Error {
+fn does_not_extend(what: &str) -> Error {
     Error::new(
         ErrorKind::Config,
         format!("this snapshot does not extend the stored map: {what}"),

@@ -105,9 +105,12 @@ pub(super) fn meta_values<'a>(meta: &'a MapMeta, uuid: &'a [u8; 16]) -> [ValueRe
     ]
 }
 
-/// The columns `x`, `y`, `z` of [`POSE`](super::format::POSE).
+/// The columns `x`, `y`, `z` of [`POSE`](super::format::POSE). `SQLite` keeps whole reals as
+/// integers, which know no -0: it becomes 0, its equal.
 pub(super) fn pose_values(pose: Option<[f64; 3]>) -> [ValueRef<'static>; 3] {
-    pose.map_or([ValueRef::Null; 3], |pose| pose.map(ValueRef::Real))
+    pose.map_or([ValueRef::Null; 3], |pose| {
+        pose.map(|x| ValueRef::Real(x + 0.0))
+    })
 }
 
 /// What the column `appearance_use` says.

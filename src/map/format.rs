@@ -242,7 +242,7 @@ pub(super) fn locate_flip(
         ends.push(record.len());
     }
     let syndrome = crc32fast::hash(&record) ^ stored;
-    if syndrome.count_ones() == 1 {
+    if syndrome.is_power_of_two() {
         return Some((None, syndrome.trailing_zeros() as usize / 8));
     }
     let step = |state: u32| {

@@ -150,7 +150,8 @@ mod tests {
         let id = VisitId::derive(session, &key, Time::from_s(1), &features_digest(&features));
         assert_eq!(
             format!("{session} {id} {:032x}", derived_uuid("golden")),
-            "PENDING"
+            "a8288f34900a84daf29e082e068f2780 d2b6946d8aa14d8fa5f38e82ef31009f \
+             4b3236542cc28731962782dd4dcef005"
         );
     }
 

@@ -52,20 +52,20 @@ impl Fault {
     }
 
     fn place(&self) -> String {
-        let mut place = match self.table {
-            "file" => "file".to_string(),
+        let table = match self.table {
+            "file" => "file".into(),
             table => format!("table {table}"),
         };
-        if let Some(row) = self.row {
-            place += &format!(", row {row}");
-        }
-        if let Some(column) = self.column {
-            place += &format!(", column {column}");
-        }
-        if let Some(byte) = self.byte {
-            place += &format!(", byte {byte}");
-        }
-        place
+        [
+            Some(table),
+            self.row.map(|row| format!("row {row}")),
+            self.column.map(|column| format!("column {column}")),
+            self.byte.map(|byte| format!("byte {byte}")),
+        ]
+        .into_iter()
+        .flatten()
+        .collect::<Vec<_>>()
+        .join(", ")
     }
 
     pub(super) fn into_error(self) -> Error {
@@ -345,27 +345,31 @@ fn scan_rows(
 ) -> rusqlite::Result<Result<()>> {
     let id_column = table.columns[0];
     // Sizes are in the head of a row: nothing too large is ever loaded.
-    for (column, limit) in table.limits {
-        let too_large = format!(
-            "SELECT {id_column}, octet_length({column}) FROM {} \
-             WHERE {id_column} > ?1 AND octet_length({column}) > {limit}",
-            table.name
-        );
-        let mut statement = connection.prepare(&too_large)?;
+    let too_large: Vec<String> = table
+        .limits
+        .iter()
+        .map(|(column, limit)| format!("octet_length({column}) > {limit}"))
+        .collect();
+    if !too_large.is_empty() {
+        let mut statement = connection.prepare(&format!(
+            "SELECT {id_column}, {} FROM {} WHERE {id_column} > ?1 AND ({})",
+            too_large.join(", "),
+            table.name,
+            too_large.join(" OR ")
+        ))?;
         let mut rows = statement.query([after])?;
-        if let Some(row) = rows.next()? {
-            let (id, bytes): (i64, i64) = (row.get(0)?, row.get(1)?);
-            let fault = Fault {
-                row: Some(id),
-                column: Some(column),
-                byte: Some(*limit),
-                ..Fault::new(
-                    table.name,
-                    ErrorKind::Format,
-                    format!("{bytes} bytes, where at most {limit} are allowed"),
-                )
-            };
-            return Ok(faults.add(fault));
+        while let Some(row) = rows.next()? {
+            for (at, (column, limit)) in table.limits.iter().enumerate() {
+                if row.get(at + 1)? {
+                    let message = format!("more than {limit} bytes");
+                    return Ok(faults.add(Fault {
+                        row: Some(row.get(0)?),
+                        column: Some(column),
+                        byte: Some(*limit),
+                        ..Fault::new(table.name, ErrorKind::Format, message)
+                    }));
+                }
+            }
         }
     }
     let mut statement = connection.prepare(&format!(
@@ -387,10 +391,10 @@ fn scan_rows(
             id,
             values: &values,
         };
-        if let Err(fault) = row.check_crc(crc).and_then(|()| each(&row, faults)) {
-            if let Err(error) = faults.add(fault) {
-                return Ok(Err(error));
-            }
+        if let Err(fault) = row.check_crc(crc).and_then(|()| each(&row, faults))
+            && let Err(error) = faults.add(fault)
+        {
+            return Ok(Err(error));
         }
     }
     Ok(Ok(()))

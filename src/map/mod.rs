@@ -7,6 +7,8 @@
 
 mod building;
 mod change;
+#[cfg(test)]
+mod damage;
 mod digest;
 mod format;
 mod identity;

@@ -284,9 +284,11 @@ fn shared() -> std::sync::RwLockReadGuard<'static, ()> {
 }
 
 pub(super) fn connect(path: &Path, flags: OpenFlags) -> Result<Connection> {
+    // An absolute path is never taken for one of SQLite's special names (`:memory:`, `file:...`).
+    let path = std::path::absolute(path).map_err(|error| Error::io(path, &error))?;
     let connect = || {
-        let connection =
-            Connection::open_with_flags(path, flags | OpenFlags::SQLITE_OPEN_NO_MUTEX)?;
+        let flags = flags | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+        let connection = Connection::open_with_flags(path, flags)?;
         connection.busy_timeout(BUSY_TIMEOUT)?;
         // A file from elsewhere must not run functions by its schema.
         connection.pragma_update(None, "trusted_schema", false)?;
@@ -427,7 +429,13 @@ pub(super) fn check_structure(
 /// What failed in SQLite, in words of this crate.
 pub(super) fn sqlite_error(error: &rusqlite::Error) -> Error {
     use rusqlite::ErrorCode as Code;
+    let extended = error.sqlite_error().map(|error| error.extended_code);
     let (kind, message, help) = match error.sqlite_error_code() {
+        Some(Code::ReadOnly) if extended == Some(rusqlite::ffi::SQLITE_READONLY_ROLLBACK) => (
+            ErrorKind::Io,
+            "the last commit was interrupted and has to be undone before the map can be read",
+            "open it once where file and folder may be written, together with its `-journal`",
+        ),
         Some(Code::DiskFull) => (
             ErrorKind::Io,
             "the disk is full; the map stays as it was",
@@ -436,8 +444,7 @@ pub(super) fn sqlite_error(error: &rusqlite::Error) -> Error {
         Some(Code::ReadOnly) => (
             ErrorKind::Io,
             "the file or its folder may not be written",
-            "a commit, or the undoing of an interrupted one, needs both to be writable: change the \
-             rights or copy the map together with its `-journal`",
+            "a commit needs both to be writable: change the rights or copy the map",
         ),
         Some(Code::CannotOpen) => (
             ErrorKind::Io,

@@ -75,10 +75,10 @@ fn verify(path: &Path) -> Result<VerifyReport> {
             faults.add(Fault::new("file", ErrorKind::Format, message))?;
         }
         let state = load::load(connection, None, &mut faults, Some(&mut trail));
-        if faults.is_clean() {
-            if let Ok(Some(state)) = &state {
-                check_trail(&trail, &state.snapshot).or_else(|fault| faults.add(fault))?;
-            }
+        if faults.is_clean()
+            && let Ok(Some(state)) = &state
+        {
+            check_trail(&trail, &state.snapshot).or_else(|fault| faults.add(fault))?;
         }
         state
     });

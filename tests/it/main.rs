@@ -1,5 +1,6 @@
 //! The one integration-test binary.
 
-mod visibility;
 mod dataset;
 mod map;
+mod matching;
+mod visibility;

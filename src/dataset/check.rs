@@ -41,7 +41,7 @@ pub struct CheckReport {
     pub places: BTreeMap<PlaceKey, PlaceSummary>,
     /// How many images there are at each time.
     pub visits: BTreeMap<Time, usize>,
-    /// How many images have which size, after cutting, turning and resizing.
+    /// How many images have which size, after turning, cutting and resizing.
     pub image_sizes: Vec<SizeCount>,
     /// Entries with the same pixels, by id: twins that must not be on both sides of an evaluation.
     pub duplicates: Vec<Vec<String>>,

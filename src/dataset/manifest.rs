@@ -154,6 +154,12 @@ pub enum Layout {
         /// Origins of single folders: `training` and `testing` have [`TimeRule::origin`] unless given.
         #[serde(default, deserialize_with = "time_map")]
         origins: BTreeMap<String, Time>,
+        /// What precedes the place's number in its name.
+        #[serde(default = "default_folder_prefix")]
+        place_prefix: String,
+        /// The number of the place in the folder `place_0`.
+        #[serde(default)]
+        first_place: u32,
     },
     /// `images/YYYY-MM-DD/lb3/CamN/<utime>.tiff` and `groundtruth_YYYY-MM-DD.csv`.
     Nclt {
@@ -240,16 +246,16 @@ impl Split {
     }
 }
 
-/// A rectangle of the image files that must not be used.
+/// A rectangle of the pictures that must not be used.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mask {
     /// Only in images of this place.
     #[serde(default)]
     pub place: Option<PlaceKey>,
-    /// Leftmost column of the file, px.
+    /// Leftmost column of the turned picture, before cutting and resizing, px.
     pub x: u32,
-    /// Topmost row of the file, px.
+    /// Topmost row, px.
     pub y: u32,
     /// Columns.
     pub width: u32,
@@ -711,6 +717,10 @@ pub(super) fn default_index() -> String {
 
 pub(super) fn default_place_prefix() -> String {
     "loc".into()
+}
+
+pub(super) fn default_folder_prefix() -> String {
+    "place_".into()
 }
 
 fn default_pose_gap_s() -> f64 {

@@ -1,5 +1,7 @@
 //! Datasets: every layout, every bad input with its message, and the real data where it exists.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic like tests")]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -522,7 +524,7 @@ fn nclt_sessions(folder: &Folder) {
         ("2012-01-08", 1_326_030_975_i64),
         ("2012-06-15", 1_339_760_000),
     ] {
-        let mut poses = String::from("0,NaN,NaN,NaN,NaN,NaN,NaN\n");
+        let mut poses = vec![String::from("0,NaN,NaN,NaN,NaN,NaN,NaN")];
         for second in 0..12_i64 {
             let us = (start_s + second) * 1_000_000;
             // There and back again: 0..5, then 5..0.
@@ -532,7 +534,7 @@ fn nclt_sessions(folder: &Folder) {
             } else {
                 std::f64::consts::PI
             };
-            poses += &format!("{},{x}.0,0.25,-1.0,0.0,0.0,{yaw}\n", us + 1_000);
+            poses.push(format!("{},{x}.0,0.25,-1.0,0.0,0.0,{yaw}", us + 1_000));
             for camera in [0, 5] {
                 let image = format!("nclt/images/{session}/lb3/Cam{camera}/{us}.tiff");
                 folder.image(&image, (second * 2 + camera) as u8);
@@ -543,7 +545,7 @@ fn nclt_sessions(folder: &Folder) {
         folder.image(&format!("nclt/images/{session}/lb3/Cam5/{late}.tiff"), 99);
         folder.write(
             &format!("nclt/ground_truth/groundtruth_{session}.csv"),
-            &poses,
+            &poses.join("\n"),
         );
     }
     folder.write(

@@ -18,6 +18,8 @@ mod manifest;
 mod nclt;
 mod table;
 
+pub mod synthetic;
+
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};

@@ -5,8 +5,16 @@
 //! bit `i` of BRIEF is stored at bit `7 - i % 8` of byte `i / 8`, byte `b` at bits `8 * (b % 8)..` of
 //! word `b / 8`, so that the 32 bytes are OpenCV's.
 
+pub mod brief;
+mod brief_pairs;
+pub mod image_file;
+pub mod star;
+mod star_brief;
 mod types;
 
+pub use image_file::{DecodeLimits, LoadOptions, PixelDigest, Rotation, load_gray, load_mask};
+pub use star::StarParams;
+pub use star_brief::{StarBrief, StarBriefConfig};
 pub use types::{Descriptor, Features, FeaturesView, GrayImage, Keypoint, Rect};
 
 use crate::error::Result;

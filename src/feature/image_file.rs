@@ -1,0 +1,610 @@
+//! Which grey bytes are in this image file?
+//!
+//! [`load_gray`] decodes a file, makes it grey, turns, crops and scales it, in this order, so that a
+//! crop is given in pixels of the upright picture. Every step is integer arithmetic of this module, so
+//! that the same decoded colours give the same grey bytes on every machine:
+//!
+//! - grey = `(4899 R + 9617 G + 1868 B + 2^13) >> 14`, the weights of ITU-R BT.601 in 14 bits;
+//! - 16-bit channels keep their high byte (`v >> 8`);
+//! - alpha is ignored: the colours count as they are stored, transparent or not;
+//! - the orientation that a camera wrote into the EXIF data is applied, as viewers and `OpenCV` do;
+//! - scaling is bilinear with half-pixel centres: output pixel `i` samples `(i + 0.5) / scale - 0.5`,
+//!   clamped to the image, with weights in 1/2048 ([`GrayImage::scaled`]).
+//!
+//! Limits ([`DecodeLimits`]) are checked against the header before any pixel is decoded, so that a
+//! small file cannot claim gigabytes. Files that end early, claim no pixels, are empty or are no images
+//! are [`ErrorKind::Image`] errors that name the file; files that cannot be read are
+//! [`ErrorKind::Io`] errors.
+//!
+//! [`exif_time`] reads the moment of capture as text. It is text because pixels know nothing of time
+//! here; the caller parses it.
+//!
+//! Not for: colour, more than 8 bits, floating-point images, raw camera formats.
+
+use std::fs;
+use std::io::{self, Cursor, Read};
+use std::path::Path;
+
+use exif::{In, Tag};
+use image::{DynamicImage, ImageDecoder, ImageError, ImageReader};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::{GrayImage, Rect};
+use crate::error::{Error, ErrorKind, Result};
+
+/// How large a file and its pixels may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DecodeLimits {
+    max_pixels: u64,
+    max_file_bytes: u64,
+}
+
+impl Default for DecodeLimits {
+    /// 64 million pixels, 512 MiB of file.
+    fn default() -> Self {
+        Self {
+            max_pixels: 64_000_000,
+            max_file_bytes: 512 << 20,
+        }
+    }
+}
+
+impl DecodeLimits {
+    /// Columns times rows, of the file and of the scaled result.
+    #[must_use]
+    pub fn with_max_pixels(mut self, pixels: u64) -> Self {
+        self.max_pixels = pixels;
+        self
+    }
+
+    /// Bytes of the file.
+    #[must_use]
+    pub fn with_max_file_bytes(mut self, bytes: u64) -> Self {
+        self.max_file_bytes = bytes;
+        self
+    }
+
+    fn check(&self, width: u64, height: u64) -> Result<()> {
+        if width == 0 || height == 0 {
+            return Err(Error::new(
+                ErrorKind::Image,
+                format!("the image has no pixels ({width} x {height})"),
+            ));
+        }
+        if width.saturating_mul(height) > self.max_pixels {
+            return Err(Error::new(
+                ErrorKind::Image,
+                format!(
+                    "{width} x {height} px are more than the limit of {} pixels",
+                    self.max_pixels
+                ),
+            )
+            .with_help("shrink the image, or raise the decoding limit if you trust the file"));
+        }
+        Ok(())
+    }
+
+    /// Bytes that a decoder may allocate: 16-bit RGBA pixels and some working memory.
+    fn max_decoder_bytes(&self) -> u64 {
+        self.max_pixels.saturating_mul(8).saturating_add(64 << 20)
+    }
+}
+
+/// A turn by quarters, clockwise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Rotation {
+    /// As the file has it.
+    #[default]
+    #[serde(rename = "0")]
+    None,
+    /// 90 degrees clockwise: the left column becomes the top row.
+    #[serde(rename = "90")]
+    Clockwise90,
+    /// Upside down.
+    #[serde(rename = "180")]
+    Half,
+    /// 270 degrees clockwise: the right column becomes the top row.
+    #[serde(rename = "270")]
+    Clockwise270,
+}
+
+/// What [`load_gray`] makes of a file; the default is the whole file as it is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LoadOptions {
+    rotation: Rotation,
+    crop: Option<Rect>,
+    scale: f64,
+    limits: DecodeLimits,
+}
+
+impl Default for LoadOptions {
+    fn default() -> Self {
+        Self {
+            rotation: Rotation::None,
+            crop: None,
+            scale: 1.0,
+            limits: DecodeLimits::default(),
+        }
+    }
+}
+
+impl LoadOptions {
+    /// Turns the picture first.
+    #[must_use]
+    pub fn with_rotation(mut self, rotation: Rotation) -> Self {
+        self.rotation = rotation;
+        self
+    }
+
+    /// Then cuts this rectangle out of the turned picture.
+    #[must_use]
+    pub fn with_crop(mut self, crop: Option<Rect>) -> Self {
+        self.crop = crop;
+        self
+    }
+
+    /// Then scales by this factor: 2 doubles the sides.
+    #[must_use]
+    pub fn with_scale(mut self, scale: f64) -> Self {
+        self.scale = scale;
+        self
+    }
+
+    /// What is too big to decode.
+    #[must_use]
+    pub fn with_limits(mut self, limits: DecodeLimits) -> Self {
+        self.limits = limits;
+        self
+    }
+
+    /// What is too big to decode.
+    pub fn limits(&self) -> DecodeLimits {
+        self.limits
+    }
+
+    /// Turns, crops and scales an image that is already decoded.
+    pub fn apply(&self, image: GrayImage) -> Result<GrayImage> {
+        let mut image = image.rotated(self.rotation);
+        if let Some(crop) = self.crop {
+            image = image.cropped(crop)?;
+        }
+        if self.scale != 1.0 {
+            let side = |px: usize| (px as f64 * self.scale).round_ties_even();
+            let (width, height) = (side(image.width()), side(image.height()));
+            // NaN, negative and infinite factors fail here or in `scaled`; casts saturate.
+            if self.scale.is_finite() && self.scale > 0.0 {
+                self.limits.check(width as u64, height as u64)?;
+            }
+            image = image.scaled(self.scale)?;
+        }
+        Ok(image)
+    }
+}
+
+/// The grey bytes of the image at `path`, turned, cropped and scaled.
+///
+/// Errors name the file and, where there is one, the remedy.
+pub fn load_gray(path: impl AsRef<Path>, options: &LoadOptions) -> Result<GrayImage> {
+    let path = path.as_ref();
+    read_file(path, &options.limits)
+        .and_then(|bytes| decode_gray(&bytes, &options.limits))
+        .and_then(|image| options.apply(image))
+        .map_err(|error| error.with_path(path))
+}
+
+/// A mask from an image file of the same layout as the images it belongs to: zero pixels are ignored.
+///
+/// The mask is turned, cropped and scaled like the images. A scaled mask pixel that touches an ignored
+/// pixel is ignored. The result is 0 or 255.
+pub fn load_mask(path: impl AsRef<Path>, options: &LoadOptions) -> Result<GrayImage> {
+    let path = path.as_ref();
+    let decode = |bytes: Vec<u8>| {
+        let mut mask = decode_gray(&bytes, &options.limits)?;
+        for pixel in mask.data_mut() {
+            *pixel = if *pixel == 0 { 0 } else { 255 };
+        }
+        let mut mask = options.apply(mask)?;
+        for pixel in mask.data_mut() {
+            *pixel = if *pixel == 255 { 255 } else { 0 };
+        }
+        Ok(mask)
+    };
+    read_file(path, &options.limits)
+        .and_then(decode)
+        .map_err(|error: Error| error.with_path(path))
+}
+
+/// A mask of `width` x `height` px that ignores the pixels of `ignored` (burnt-in text, the robot's own
+/// body), in pixels of the image that is extracted. A rectangle that leaves the image is an error.
+pub fn mask_from_rects(width: usize, height: usize, ignored: &[Rect]) -> Result<GrayImage> {
+    let pixels = width.checked_mul(height).ok_or_else(|| {
+        Error::new(
+            ErrorKind::Shape,
+            format!("a mask of {width} x {height} px is too big"),
+        )
+    })?;
+    let mut mask = GrayImage::new(width, height, vec![255; pixels])?;
+    for &rect in ignored {
+        let (columns, rows) =
+            inside(rect, width, height).map_err(|error| error.with_place("rectangle of a mask"))?;
+        for row in mask
+            .data_mut()
+            .chunks_exact_mut(width)
+            .take(rows.end)
+            .skip(rows.start)
+        {
+            row[columns.clone()].fill(0);
+        }
+    }
+    Ok(mask)
+}
+
+/// The bytes of a file that is not above the limit.
+fn read_file(path: &Path, limits: &DecodeLimits) -> Result<Vec<u8>> {
+    let fail = |cause: &io::Error| {
+        let error = Error::io(path, cause);
+        if cause.kind() == io::ErrorKind::NotFound {
+            error.with_help("check the path; an index's paths are relative to its folder")
+        } else {
+            error
+        }
+    };
+    let file = fs::File::open(path).map_err(|cause| fail(&cause))?;
+    let metadata = file.metadata().map_err(|cause| fail(&cause))?;
+    if metadata.is_dir() {
+        return Err(Error::new(ErrorKind::Io, "is a folder, not an image"));
+    }
+    let mut bytes = Vec::new();
+    // The size may be unknown (a pipe) or change while reading: the limit holds all the same.
+    file.take(limits.max_file_bytes.saturating_add(1))
+        .read_to_end(&mut bytes)
+        .map_err(|cause| fail(&cause))?;
+    if bytes.len() as u64 > limits.max_file_bytes {
+        return Err(Error::new(
+            ErrorKind::Image,
+            format!(
+                "the file is above the limit of {} bytes",
+                limits.max_file_bytes
+            ),
+        )
+        .with_help("is it an image? raise the decoding limit if you trust it"));
+    }
+    Ok(bytes)
+}
+
+/// The grey bytes of an encoded image (BMP, JPEG, PNG, PNM, TIFF or WebP).
+pub fn decode_gray(bytes: &[u8], limits: &DecodeLimits) -> Result<GrayImage> {
+    if bytes.is_empty() {
+        return Err(
+            Error::new(ErrorKind::Image, "the file is empty").with_help("copy or record it again")
+        );
+    }
+    let mut reader = ImageReader::new(Cursor::new(bytes))
+        .with_guessed_format()
+        .map_err(|cause| Error::new(ErrorKind::Image, cause.to_string()))?;
+    if reader.format().is_none() {
+        return Err(
+            Error::new(ErrorKind::Image, "not an image of a known format")
+                .with_help("supported are BMP, JPEG, PNG, PNM, TIFF and WebP"),
+        );
+    }
+    if reader.format() == Some(image::ImageFormat::Jpeg) && !jpeg_is_complete(bytes) {
+        return Err(truncated());
+    }
+    let mut image_limits = image::Limits::default();
+    image_limits.max_alloc = Some(limits.max_decoder_bytes());
+    reader.limits(image_limits);
+    let mut decoder = reader.into_decoder().map_err(|cause| image_error(&cause))?;
+    let (width, height) = decoder.dimensions();
+    limits.check(u64::from(width), u64::from(height))?;
+    let orientation = decoder.orientation().map_err(|cause| image_error(&cause))?;
+    let mut image = DynamicImage::from_decoder(decoder).map_err(|cause| image_error(&cause))?;
+    image.apply_orientation(orientation);
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    GrayImage::new(width, height, to_gray(image)?)
+}
+
+fn truncated() -> Error {
+    Error::new(ErrorKind::Image, "the image ends early (truncated)")
+        .with_help("copy or record it again")
+}
+
+fn image_error(cause: &ImageError) -> Error {
+    match cause {
+        ImageError::IoError(io) if io.kind() == io::ErrorKind::UnexpectedEof => truncated(),
+        ImageError::Limits(_) => Error::new(
+            ErrorKind::Image,
+            format!("the image needs more memory than the limit allows: {cause}"),
+        )
+        .with_help("shrink the image, or raise the decoding limit if you trust the file"),
+        ImageError::Unsupported(_) => Error::new(ErrorKind::Image, cause.to_string())
+            .with_help("convert it to 8- or 16-bit grey or RGB PNG"),
+        _ => Error::new(ErrorKind::Image, format!("the image is damaged: {cause}"))
+            .with_help("copy or record it again"),
+    }
+}
+
+/// Whether the last scan of a JPEG is followed by its end marker.
+///
+/// Decoders fill what is missing with grey, which would be taken for a picture. Inside a scan every
+/// 0xFF is followed by 0x00 or a restart marker, so 0xFF 0xD9 there is the end of the image; thumbnails
+/// in the header end before the last scan starts.
+fn jpeg_is_complete(bytes: &[u8]) -> bool {
+    let marker = |code: u8| move |pair: &[u8]| pair == [0xFF, code];
+    let last_scan = bytes.windows(2).rposition(marker(0xDA));
+    last_scan.is_some_and(|at| bytes[at..].windows(2).any(marker(0xD9)))
+}
+
+/// The grey of every pixel, row by row.
+fn to_gray(image: DynamicImage) -> Result<Vec<u8>> {
+    /// From 8-bit pixels of `N` channels, colours first.
+    fn narrow<const N: usize>(samples: &[u8]) -> Vec<u8> {
+        let pixels = samples.as_chunks::<N>().0.iter();
+        if N >= 3 {
+            pixels.map(|p| luma(p[0], p[1], p[2])).collect()
+        } else {
+            pixels.map(|p| p[0]).collect()
+        }
+    }
+    /// The high bytes of 16-bit samples.
+    fn high(samples: &[u16]) -> Vec<u8> {
+        samples.iter().map(|&sample| (sample >> 8) as u8).collect()
+    }
+    Ok(match image {
+        DynamicImage::ImageLuma8(image) => image.into_raw(),
+        DynamicImage::ImageLumaA8(image) => narrow::<2>(&image),
+        DynamicImage::ImageRgb8(image) => narrow::<3>(&image),
+        DynamicImage::ImageRgba8(image) => narrow::<4>(&image),
+        DynamicImage::ImageLuma16(image) => high(&image),
+        DynamicImage::ImageLumaA16(image) => narrow::<2>(&high(&image)),
+        DynamicImage::ImageRgb16(image) => narrow::<3>(&high(&image)),
+        DynamicImage::ImageRgba16(image) => narrow::<4>(&high(&image)),
+        _ => {
+            return Err(
+                Error::new(ErrorKind::Image, "floating-point pixels are not supported")
+                    .with_help("convert it to 8- or 16-bit grey or RGB"),
+            );
+        }
+    })
+}
+
+fn luma(red: u8, green: u8, blue: u8) -> u8 {
+    let sum = 4_899 * u32::from(red) + 9_617 * u32::from(green) + 1_868 * u32::from(blue);
+    ((sum + (1 << 13)) >> 14) as u8
+}
+
+/// Columns and rows of `rect`, which must have pixels and lie in an image of this size.
+fn inside(
+    rect: Rect,
+    width: usize,
+    height: usize,
+) -> Result<(std::ops::Range<usize>, std::ops::Range<usize>)> {
+    let span = |start: u32, len: u32, end: usize| {
+        let (start, len) = (start as usize, len as usize);
+        (len > 0 && start.checked_add(len)? <= end).then(|| start..start + len)
+    };
+    span(rect.x, rect.width, width)
+        .zip(span(rect.y, rect.height, height))
+        .ok_or_else(|| {
+            Error::new(
+                ErrorKind::Shape,
+                format!(
+                    "{} x {} px at ({}, {}) do not lie in an image of {width} x {height} px",
+                    rect.width, rect.height, rect.x, rect.y
+                ),
+            )
+            .with_help("a rectangle has pixels and lies inside the turned, unscaled picture")
+        })
+}
+
+/// Two neighbours along an axis and the weight of the second, in 1/2048.
+struct Tap {
+    first: usize,
+    second: usize,
+    first_weight: i32,
+    second_weight: i32,
+}
+
+/// For every output pixel of an axis of `len` input pixels, what it samples.
+fn taps(len: usize, scaled_len: usize, scale: f64) -> Vec<Tap> {
+    let step = 1.0 / scale;
+    (0..scaled_len)
+        .map(|i| {
+            let at = ((i as f64 + 0.5) * step - 0.5) as f32;
+            let (first, fraction) = if at < 0.0 {
+                (0, 0.0)
+            } else if at.floor() as usize >= len - 1 {
+                (len - 1, 0.0)
+            } else {
+                (at.floor() as usize, at - at.floor())
+            };
+            Tap {
+                first,
+                second: (first + 1).min(len - 1),
+                first_weight: ((1.0 - fraction) * 2048.0).round_ties_even() as i32,
+                second_weight: (fraction * 2048.0).round_ties_even() as i32,
+            }
+        })
+        .collect()
+}
+
+impl GrayImage {
+    /// The pixels of `rect`; an error if it is empty or leaves the image.
+    pub fn cropped(&self, rect: Rect) -> Result<Self> {
+        let (columns, rows) =
+            inside(rect, self.width(), self.height()).map_err(|error| error.with_place("crop"))?;
+        let mut data = Vec::with_capacity(columns.len() * rows.len());
+        for y in rows.clone() {
+            data.extend_from_slice(&self.row(y)[columns.clone()]);
+        }
+        Self::new(columns.len(), rows.len(), data)
+    }
+
+    /// Turned by quarters.
+    #[must_use]
+    pub fn rotated(self, rotation: Rotation) -> Self {
+        let (width, height) = (self.width(), self.height());
+        let mut image = self;
+        match rotation {
+            Rotation::None => image,
+            Rotation::Half => {
+                image.data_mut().reverse();
+                image
+            }
+            Rotation::Clockwise90 | Rotation::Clockwise270 => {
+                let mut data = Vec::with_capacity(width * height);
+                for i in 0..width {
+                    let pixel = |y: usize, x: usize| image.data()[y * width + x];
+                    if rotation == Rotation::Clockwise90 {
+                        data.extend((0..height).rev().map(|y| pixel(y, i)));
+                    } else {
+                        data.extend((0..height).map(|y| pixel(y, width - 1 - i)));
+                    }
+                }
+                image.reshape(height, width, data);
+                image
+            }
+        }
+    }
+
+    /// Scaled by `scale`, bilinearly with half-pixel centres, to `round(side * scale)` px a side.
+    ///
+    /// Weights are rounded to 1/2048; the sum along a row keeps 15 bits, each of the two rows of a
+    /// column 10, so that results are within one grey level of exact arithmetic. This is the
+    /// arithmetic of `OpenCV`'s 8-bit `INTER_LINEAR`. Shrinking below one half skips pixels.
+    ///
+    /// A factor that is not positive or leaves no pixels is an error.
+    pub fn scaled(&self, scale: f64) -> Result<Self> {
+        let side = |px: usize| (px as f64 * scale).round_ties_even();
+        let (width, height) = (side(self.width()), side(self.height()));
+        // `!(a >= b)` also refuses NaN; 2^32 pixels a side is beyond any image.
+        let fits = |px: f64| (1.0..=f64::from(u32::MAX)).contains(&px);
+        if !(scale > 0.0 && fits(width) && fits(height)) {
+            return Err(Error::new(
+                ErrorKind::Config,
+                format!(
+                    "an image of {} x {} px cannot be scaled by {scale}",
+                    self.width(),
+                    self.height()
+                ),
+            )
+            .with_help("the factor is positive and leaves at least one pixel"));
+        }
+        let (width, height) = (width as usize, height as usize);
+        let columns = taps(self.width(), width, scale);
+        let rows = taps(self.height(), height, scale);
+        let spread = |y: usize, out: &mut [i32]| {
+            let row = self.row(y);
+            for (out, tap) in out.iter_mut().zip(&columns) {
+                *out = i32::from(row[tap.first]) * tap.first_weight
+                    + i32::from(row[tap.second]) * tap.second_weight;
+            }
+        };
+        // The two scaled input rows in use, with the number of the row that each holds.
+        let mut upper = (usize::MAX, vec![0_i32; width]);
+        let mut lower = (usize::MAX, vec![0_i32; width]);
+        let mut data = Vec::with_capacity(width * height);
+        for tap in &rows {
+            if lower.0 == tap.first {
+                std::mem::swap(&mut upper, &mut lower);
+            }
+            for (held, wanted) in [(&mut upper, tap.first), (&mut lower, tap.second)] {
+                if held.0 != wanted {
+                    spread(wanted, &mut held.1);
+                    held.0 = wanted;
+                }
+            }
+            data.extend(upper.1.iter().zip(&lower.1).map(|(&a, &b)| {
+                let a = ((a >> 4) * tap.first_weight) >> 16;
+                let b = ((b >> 4) * tap.second_weight) >> 16;
+                ((a + b + 2) >> 2) as u8
+            }));
+        }
+        Self::new(width, height, data)
+    }
+
+    /// A digest of size and pixels: equal for equal pictures, however they were encoded.
+    pub fn digest(&self) -> PixelDigest {
+        let mut hash = Sha256::new();
+        hash.update((self.width() as u64).to_le_bytes());
+        hash.update((self.height() as u64).to_le_bytes());
+        hash.update(self.data());
+        PixelDigest(hash.finalize().into())
+    }
+}
+
+/// SHA-256 of an image's width and height (u64, little-endian) and its pixels; shown in hexadecimal.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct PixelDigest(pub [u8; 32]);
+
+impl std::fmt::Display for PixelDigest {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+impl std::fmt::Debug for PixelDigest {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "PixelDigest({self})")
+    }
+}
+
+/// When the camera took the picture, as RFC 3339 text with an offset, if the file says so.
+///
+/// Reads the EXIF time of capture (`DateTimeOriginal`, else `DateTimeDigitized`, else `DateTime`) with
+/// its fraction and its offset. `None` if there is no EXIF data, no such time, or a time without an
+/// offset: that would be a guess by hours.
+pub fn exif_time(path: impl AsRef<Path>) -> Result<Option<String>> {
+    let path = path.as_ref();
+    let bytes = read_file(path, &DecodeLimits::default()).map_err(|error| error.with_path(path))?;
+    Ok(exif_time_in(&bytes))
+}
+
+fn exif_time_in(bytes: &[u8]) -> Option<String> {
+    let exif = exif::Reader::new()
+        .read_from_container(&mut Cursor::new(bytes))
+        .ok()?;
+    let text = |tag: Tag| match &exif.get_field(tag, In::PRIMARY)?.value {
+        exif::Value::Ascii(lines) => lines.first().map(Vec::as_slice),
+        _ => None,
+    };
+    [
+        (
+            Tag::DateTimeOriginal,
+            Tag::OffsetTimeOriginal,
+            Tag::SubSecTimeOriginal,
+        ),
+        (
+            Tag::DateTimeDigitized,
+            Tag::OffsetTimeDigitized,
+            Tag::SubSecTimeDigitized,
+        ),
+        (Tag::DateTime, Tag::OffsetTime, Tag::SubSecTime),
+    ]
+    .into_iter()
+    .find_map(|(time, offset, fraction)| {
+        let mut moment = exif::DateTime::from_ascii(text(time)?).ok()?;
+        moment.parse_offset(text(offset)?).ok()?;
+        if let Some(fraction) = text(fraction) {
+            // An unreadable fraction costs less than a second.
+            let _ = moment.parse_subsec(fraction);
+        }
+        let offset_min = moment.offset?;
+        Some(format!(
+            "{:04}-{:02}-{:02}T{:02}:{:02}:{:02}.{:09}{}{:02}:{:02}",
+            moment.year,
+            moment.month,
+            moment.day,
+            moment.hour,
+            moment.minute,
+            moment.second,
+            moment.nanosecond.unwrap_or(0),
+            if offset_min < 0 { '-' } else { '+' },
+            offset_min.unsigned_abs() / 60,
+            offset_min.unsigned_abs() % 60
+        ))
+    })
+}

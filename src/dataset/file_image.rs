@@ -4,56 +4,10 @@ use std::path::{Path, PathBuf};
 
 use image::ImageDecoder;
 use image::metadata::Orientation;
-use serde::Deserialize;
 
 use super::ImageSource;
 use crate::error::{Error, ErrorKind, Result};
-use crate::feature::{GrayImage, Rect};
-
-/// By how much an image is turned, clockwise.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(try_from = "u32")]
-pub enum Turn {
-    /// Not at all.
-    #[default]
-    None,
-    /// 90 degrees.
-    Quarter,
-    /// 180 degrees.
-    Half,
-    /// 270 degrees.
-    ThreeQuarters,
-}
-
-impl Turn {
-    /// Clockwise degrees.
-    pub const fn degrees(self) -> u32 {
-        match self {
-            Self::None => 0,
-            Self::Quarter => 90,
-            Self::Half => 180,
-            Self::ThreeQuarters => 270,
-        }
-    }
-}
-
-impl TryFrom<u32> for Turn {
-    type Error = Error;
-
-    fn try_from(degrees: u32) -> Result<Self> {
-        match degrees {
-            0 => Ok(Self::None),
-            90 => Ok(Self::Quarter),
-            180 => Ok(Self::Half),
-            270 => Ok(Self::ThreeQuarters),
-            _ => Err(Error::new(
-                ErrorKind::Config,
-                format!("an image cannot be turned by {degrees} degrees"),
-            )
-            .with_help("turn by 0, 90, 180 or 270 degrees, clockwise")),
-        }
-    }
-}
+use crate::feature::{GrayImage, LoadOptions, Rect, Rotation, load_gray};
 
 /// An image file that is turned, of which a rectangle is then cut out and resized.
 ///
@@ -62,7 +16,7 @@ impl TryFrom<u32> for Turn {
 pub struct FileImage {
     path: PathBuf,
     crop: Option<Rect>,
-    turn: Turn,
+    rotation: Rotation,
     scale: f64,
     masks: Vec<Rect>,
 }
@@ -73,7 +27,7 @@ impl FileImage {
         Self {
             path: path.into(),
             crop: None,
-            turn: Turn::None,
+            rotation: Rotation::None,
             scale: 1.0,
             masks: Vec::new(),
         }
@@ -88,8 +42,8 @@ impl FileImage {
 
     /// Turns it.
     #[must_use]
-    pub fn with_turn(mut self, turn: Turn) -> Self {
-        self.turn = turn;
+    pub fn with_rotation(mut self, rotation: Rotation) -> Self {
+        self.rotation = rotation;
         self
     }
 
@@ -150,7 +104,11 @@ impl FileImage {
 
 impl ImageSource for FileImage {
     fn load(&self) -> Result<GrayImage> {
-        decode(self)
+        let options = LoadOptions::default()
+            .with_rotation(self.rotation)
+            .with_crop(self.crop)
+            .with_scale(self.scale);
+        load_gray(&self.path, &options)
     }
 
     fn path(&self) -> Option<PathBuf> {
@@ -184,8 +142,11 @@ impl ImageSource for FileImage {
             )
         };
         let mut steps: Vec<String> = Vec::new();
-        if self.turn != Turn::None {
-            steps.push(format!("turn {}", self.turn.degrees()));
+        match self.rotation {
+            Rotation::None => {}
+            Rotation::Clockwise90 => steps.push("turn 90".into()),
+            Rotation::Half => steps.push("turn 180".into()),
+            Rotation::Clockwise270 => steps.push("turn 270".into()),
         }
         steps.extend(self.crop.map(|crop| rect("crop", &crop)));
         if self.scale != 1.0 {
@@ -201,53 +162,4 @@ fn contains(rect: &Rect, x: f64, y: f64) -> bool {
         value >= f64::from(start) && value < f64::from(start) + f64::from(length)
     };
     inside(x, rect.x, rect.width) && inside(y, rect.y, rect.height)
-}
-
-/// Decodes, turns, cuts and resizes.
-fn decode(image: &FileImage) -> Result<GrayImage> {
-    let fail = |message: String| {
-        Error::new(ErrorKind::Image, message)
-            .with_path(&image.path)
-            .with_help("replace the file by a readable image or remove its row")
-    };
-    let mut gray = image::ImageReader::open(&image.path)
-        .and_then(image::ImageReader::with_guessed_format)
-        .map_err(|cause| Error::io(&image.path, &cause))?
-        .decode()
-        .map_err(|cause| fail(format!("this is no readable image: {cause}")))?
-        .into_luma8();
-    gray = match image.turn {
-        Turn::None => gray,
-        Turn::Quarter => image::imageops::rotate90(&gray),
-        Turn::Half => image::imageops::rotate180(&gray),
-        Turn::ThreeQuarters => image::imageops::rotate270(&gray),
-    };
-    if let Some(crop) = image.crop {
-        let fits = |start: u32, length: u32, size: u32| {
-            length > 0 && start.checked_add(length).is_some_and(|end| end <= size)
-        };
-        if !fits(crop.x, crop.width, gray.width()) || !fits(crop.y, crop.height, gray.height()) {
-            return Err(fail(format!(
-                "the crop {},{} of {} x {} px is not inside the image of {} x {} px",
-                crop.x,
-                crop.y,
-                crop.width,
-                crop.height,
-                gray.width(),
-                gray.height()
-            )));
-        }
-        gray = image::imageops::crop_imm(&gray, crop.x, crop.y, crop.width, crop.height).to_image();
-    }
-    if image.scale != 1.0 {
-        let scaled = |length: u32| (f64::from(length) * image.scale).round() as u32;
-        gray = image::imageops::resize(
-            &gray,
-            scaled(gray.width()),
-            scaled(gray.height()),
-            image::imageops::FilterType::Triangle,
-        );
-    }
-    let (width, height) = (gray.width() as usize, gray.height() as usize);
-    GrayImage::new(width, height, gray.into_raw())
 }

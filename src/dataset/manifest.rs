@@ -11,11 +11,10 @@ use jiff::{Span, Timestamp, tz::TimeZone};
 use serde::{Deserialize, Deserializer};
 use sha2::{Digest, Sha256};
 
-use super::file_image::Turn;
 use super::file_name::{Moment, NamePattern};
 use super::{Clock, Dataset, Entry, Problem, hex, layout, table};
 use crate::error::{Error, ErrorKind, Result};
-use crate::feature::Rect;
+use crate::feature::{Rect, Rotation};
 use crate::map::PlaceKey;
 use crate::time::{Period, Time};
 
@@ -171,8 +170,12 @@ pub enum Layout {
         #[serde(default = "default_pose_gap_s")]
         max_pose_gap_s: f64,
         /// How the raw images must be turned to stand upright, clockwise.
-        #[serde(default = "default_turn", rename = "turn_degrees")]
-        turn: Turn,
+        #[serde(
+            default = "default_rotation",
+            deserialize_with = "rotation",
+            rename = "turn_degrees"
+        )]
+        rotation: Rotation,
         /// The places.
         place: Vec<NcltPlace>,
     },
@@ -727,8 +730,20 @@ fn default_pose_gap_s() -> f64 {
     0.5
 }
 
-fn default_turn() -> Turn {
-    Turn::Quarter
+fn default_rotation() -> Rotation {
+    Rotation::Clockwise90
+}
+
+fn rotation<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Rotation, D::Error> {
+    match u32::deserialize(deserializer)? {
+        0 => Ok(Rotation::None),
+        90 => Ok(Rotation::Clockwise90),
+        180 => Ok(Rotation::Half),
+        270 => Ok(Rotation::Clockwise270),
+        degrees => Err(custom(format_args!(
+            "an image cannot be turned by {degrees} degrees, only by 0, 90, 180 or 270"
+        ))),
+    }
 }
 
 fn custom<E: serde::de::Error>(error: impl fmt::Display) -> E {

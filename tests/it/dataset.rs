@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use chronotope::Time;
 use chronotope::dataset::{Clock, Dataset, FileImage, ImageSource, Manifest, Side};
-use chronotope::feature::Rect;
+use chronotope::feature::{Rect, Rotation};
 use chronotope::map::PlaceKey;
 
 /// A folder that is filled with files by the test.
@@ -790,7 +790,7 @@ fn a_turn_comes_before_the_crop() {
     let whole = load(FileImage::new(folder.path().join("a.png")));
     let turned = load(
         FileImage::new(folder.path().join("a.png"))
-            .with_turn(90.try_into().unwrap())
+            .with_rotation(Rotation::Clockwise90)
             .with_crop(Some(Rect {
                 x: 29,
                 y: 0,

@@ -1,5 +1,5 @@
 //! The one integration-test binary.
 
-mod visibility;
 mod dataset;
 mod map;
+mod visibility;

@@ -4,7 +4,8 @@
 //! crop is given in pixels of the upright picture. Every step is integer arithmetic of this module, so
 //! that the same decoded colours give the same grey bytes on every machine:
 //!
-//! - grey = `(4899 R + 9617 G + 1868 B + 2^13) >> 14`, the weights of ITU-R BT.601 in 14 bits;
+//! - grey = `(9798 R + 19235 G + 3735 B + 2^14) >> 15`, the weights of ITU-R BT.601 in 15 bits, as
+//!   OpenCV 4 and 5 take them;
 //! - 16-bit channels keep their high byte (`v >> 8`);
 //! - alpha is ignored: the colours count as they are stored, transparent or not;
 //! - the orientation that a camera wrote into the EXIF data is applied, as viewers and `OpenCV` do;
@@ -372,8 +373,8 @@ fn to_gray(image: DynamicImage) -> Result<Vec<u8>> {
 }
 
 fn luma(red: u8, green: u8, blue: u8) -> u8 {
-    let sum = 4_899 * u32::from(red) + 9_617 * u32::from(green) + 1_868 * u32::from(blue);
-    ((sum + (1 << 13)) >> 14) as u8
+    let sum = 9_798 * u32::from(red) + 19_235 * u32::from(green) + 3_735 * u32::from(blue);
+    ((sum + (1 << 14)) >> 15) as u8
 }
 
 /// Columns and rows of `rect`, which must have pixels and lie in an image of this size.

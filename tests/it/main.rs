@@ -3,4 +3,5 @@
 mod dataset;
 mod map;
 mod matching;
+mod spectrum;
 mod visibility;

@@ -4,4 +4,5 @@ mod dataset;
 mod map;
 mod matching;
 mod spectrum;
+mod synthetic;
 mod visibility;

@@ -131,6 +131,14 @@ impl Period {
         }
     }
 
+    /// The `parts`-th part of this period, cut to whole microseconds; at least one.
+    #[must_use]
+    pub const fn fraction(self, parts: u32) -> Self {
+        let parts = if parts == 0 { 1 } else { parts as i64 };
+        let us = self.0 / parts;
+        Self(if us == 0 { 1 } else { us })
+    }
+
     /// Microseconds.
     pub const fn as_us(self) -> i64 {
         self.0

@@ -1,3 +1,111 @@
 //! The command `chronotope-eval`; see `chronotope-eval --help`.
+#![allow(clippy::print_stdout)] // reason: tables are this command's output.
 
-fn main() {}
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Context, Result};
+use chronotope_eval::results::SuiteResults;
+use chronotope_eval::run::{RunOptions, run};
+use chronotope_eval::suite::Suite;
+use chronotope_eval::{compare, table};
+use clap::{Parser, Subcommand};
+
+/// Measures how well Chronotope's methods localise, on real and synthetic images.
+#[derive(Parser)]
+#[command(version, after_help = "Examples:
+  chronotope-eval list
+  chronotope-eval run synthetic --out target/demo
+  chronotope-eval run stromovka-loo --data ~/datasets --out target/eval
+  chronotope-eval compare old/lasvegas.json target/eval/lasvegas.json")]
+struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Shows the suites.
+    List,
+    /// Runs a suite: prints its table, writes SUITE.json and report.html.
+    Run {
+        /// The suite; see `list`.
+        suite: String,
+        /// The dataset's folder, or the folder that holds several datasets.
+        #[arg(long, env = "CHRONOTOPE_DATA")]
+        data: Option<PathBuf>,
+        /// Where results are written.
+        #[arg(long, default_value = "target/eval")]
+        out: PathBuf,
+        /// Where extracted features are kept from run to run [default: OUT/cache].
+        #[arg(long)]
+        cache: Option<PathBuf>,
+        /// Show this number of features in detail.
+        #[arg(long)]
+        n: Option<u32>,
+    },
+    /// Compares two runs query by query.
+    Compare {
+        /// The file SUITE.json of the first run.
+        a: PathBuf,
+        /// The file SUITE.json of the second run.
+        b: PathBuf,
+    },
+}
+
+fn main() -> ExitCode {
+    match main_of(Args::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn main_of(args: Args) -> Result<()> {
+    match args.command {
+        Command::List => {
+            for suite in Suite::builtin() {
+                let suite = suite?;
+                println!("{:<16} {}", suite.name, suite.title);
+            }
+        }
+        Command::Run {
+            suite,
+            data,
+            out,
+            cache,
+            n,
+        } => {
+            let suite = Suite::find(&suite)?;
+            let options = RunOptions {
+                data,
+                cache: cache.unwrap_or_else(|| out.join("cache")),
+                out,
+                command: command_line(),
+            };
+            std::fs::create_dir_all(&options.out)
+                .with_context(|| format!("cannot create {}", options.out.display()))?;
+            for results in run(&suite, &options)? {
+                println!("{}", table::render(&results, n));
+                let path = options.out.join(format!("{}.json", results.suite));
+                results.write(&path)?;
+                eprintln!("wrote {}", path.display());
+            }
+        }
+        Command::Compare { a, b } => {
+            let [a, b] = [SuiteResults::read(&a)?, SuiteResults::read(&b)?];
+            println!("{}", compare::compare(&a, &b)?);
+        }
+    }
+    Ok(())
+}
+
+/// The command as typed, with the program's name instead of its path.
+fn command_line() -> String {
+    std::iter::once("chronotope-eval".to_owned())
+        .chain(std::env::args().skip(1))
+        .collect::<Vec<_>>()
+        .join(" ")
+}

@@ -4,8 +4,8 @@
 //! crop is given in pixels of the upright picture. Every step is integer arithmetic of this module, so
 //! that the same decoded colours give the same grey bytes on every machine:
 //!
-//! - grey = `(9798 R + 19235 G + 3735 B + 2^14) >> 15`, the weights of ITU-R BT.601 in 15 bits, as in
-//!   OpenCV's `cvtColor`;
+//! - grey = `(9798 R + 19235 G + 3735 B + 2^14) >> 15`, the weights of ITU-R BT.601 in 15 bits, as
+//!   OpenCV 4 and 5 take them;
 //! - 16-bit channels keep their high byte (`v >> 8`);
 //! - alpha is ignored: the colours count as they are stored, transparent or not;
 //! - the orientation that a camera wrote into the EXIF data is applied, as viewers and OpenCV do;

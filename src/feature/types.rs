@@ -213,13 +213,22 @@ impl Features {
     /// If an id is not below [`len`](Self::len).
     #[must_use]
     pub fn select(&self, ids: &[u32]) -> Self {
-        Self {
-            keypoints: ids.iter().map(|&id| self.keypoints[id as usize]).collect(),
-            descriptors: ids
-                .iter()
-                .map(|&id| self.descriptors[id as usize])
-                .collect(),
-        }
+        let mut selected = Self::new();
+        selected.gather(self, ids);
+        selected
+    }
+
+    /// Replaces the content by the features of `other` with the given ids, in that order.
+    ///
+    /// # Panics
+    /// If an id is not below `other.len()`.
+    pub fn gather(&mut self, other: &Self, ids: &[u32]) {
+        self.keypoints.clear();
+        self.keypoints
+            .extend(ids.iter().map(|&id| other.keypoints[id as usize]));
+        self.descriptors.clear();
+        self.descriptors
+            .extend(ids.iter().map(|&id| other.descriptors[id as usize]));
     }
 
     /// All of them, borrowed.
@@ -240,7 +249,23 @@ pub struct FeaturesView<'a> {
     pub descriptors: &'a [Descriptor],
 }
 
-impl FeaturesView<'_> {
+impl<'a> FeaturesView<'a> {
+    /// No features.
+    pub const EMPTY: Self = Self {
+        keypoints: &[],
+        descriptors: &[],
+    };
+
+    /// The first `len`; all, if there are fewer.
+    #[must_use]
+    pub fn prefix(self, len: usize) -> FeaturesView<'a> {
+        let len = len.min(self.len());
+        FeaturesView {
+            keypoints: &self.keypoints[..len],
+            descriptors: &self.descriptors[..len],
+        }
+    }
+
     /// How many.
     pub fn len(&self) -> usize {
         self.keypoints.len()

@@ -1,1 +1,370 @@
-//! Room localize.
+//! Where am I, how sure?
+//!
+//! A [`Localizer`] reads one [`Snapshot`] of a map. For each place it predicts what should be visible
+//! at the query's time, matches that with the live image, counts the matches (or those that agree on
+//! one displacement), ranks the places and decides. Everything that led to the answer is part of it
+//! ([`Localization`]), so that a dashboard needs nothing else.
+//!
+//! The experience methods differ in one step only: instead of one predicted map, a place has several
+//! remembered appearances, and the best of them speaks for the place.
+//!
+//! Cost: with N places, n features each and m live ones, N (F + n log n) to predict and N n m Hamming
+//! distances to match; the experience methods match E appearances a place, E n m distances.
+//!
+//! Invariants: localising never changes the map; the answer depends on snapshot, configuration and
+//! query alone (ties go to the lowest node and are counted); with a warmed-up [`Scratch`] and output,
+//! nothing is allocated.
+//!
+//! Not for: following a robot between images (each query stands alone) or metric poses (a displacement
+//! in px is all that one image gives).
+
+mod config;
+mod localization;
+mod sweep;
+
+use std::sync::Arc;
+
+pub use config::{LocalizerConfig, Method, Preset, Score};
+pub use localization::{Candidate, Decision, EvidenceMatch, Localization, Reason};
+pub use sweep::{Sweep, Tally};
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::feature::{Features, FeaturesView};
+use crate::map::{AppearanceUse, Node, NodeId, Snapshot};
+use crate::matching::{
+    Displacement, Match, MatchScratch, Matcher, Vote, VoteScratch, displacements_into,
+    vote_displacement,
+};
+use crate::predict::{PredictedMap, Selection};
+use crate::time::Time;
+use crate::visibility::{self, VisibilityConfig, VisibilityModel, Visits};
+
+/// An experience is used at a time when it is more likely than not to be the right one then.
+const LIKELY_EXPERIENCE: f64 = 0.5;
+
+/// What the camera sees.
+#[derive(Clone, Copy, Debug)]
+pub struct Query<'a> {
+    /// The features of the live image, by the extractor the map was learnt with.
+    pub features: &'a Features,
+    /// When it was taken; `static`, `experience` and `experience-all` do without.
+    pub time: Option<Time>,
+    /// Width and height of the image in px, to be compared with the map's.
+    pub image_size: Option<(u32, u32)>,
+}
+
+/// What one place is matched by.
+#[derive(Debug)]
+enum Plan {
+    /// Features of the place, chosen by their visibility at the query's time.
+    Predicted(Box<dyn VisibilityModel>),
+    /// The appearances kept at these visits; with a model, those that are likely at the query's time.
+    Appearances {
+        visits: Vec<u32>,
+        likely: Option<Box<dyn VisibilityModel>>,
+    },
+}
+
+/// Answers "where am I?" from one snapshot; immutable and shared between threads.
+#[derive(Debug)]
+pub struct Localizer {
+    snapshot: Arc<Snapshot>,
+    cfg: LocalizerConfig,
+    matcher: Matcher,
+    plans: Vec<Plan>,
+}
+
+/// Memory that a [`Localizer`] works in; owned by the caller, one a thread, used again and again.
+#[derive(Clone, Debug, Default)]
+pub struct Scratch {
+    predicted: PredictedMap,
+    /// The features of the predicted map, most likely first.
+    ranked: Features,
+    /// p(t) of each experience.
+    likely: Vec<f64>,
+    /// The visits whose appearances are matched.
+    visits: Vec<u32>,
+    matching: MatchScratch,
+    matches: Vec<Match>,
+    verify: Verify,
+}
+
+/// What verification works in.
+#[derive(Clone, Debug, Default)]
+struct Verify {
+    displacements: Vec<Displacement>,
+    vote: VoteScratch,
+}
+
+impl Localizer {
+    /// Fits the visibility model of every place of `snapshot`.
+    ///
+    /// Fails with [`ErrorKind::Config`] if the map has no places, or none of the appearances that the
+    /// method needs were kept.
+    pub fn new(snapshot: Arc<Snapshot>, cfg: LocalizerConfig) -> Result<Self> {
+        if snapshot.nodes.is_empty() {
+            return Err(Error::new(ErrorKind::Config, "the map has no places")
+                .with_help("build it from at least one image of each place"));
+        }
+        let plans = (snapshot.nodes.iter())
+            .map(|node| Plan::of(node, &cfg))
+            .collect::<Result<Vec<_>>>()?;
+        let remembers = |plan: &Plan| match plan {
+            Plan::Predicted(_) => true,
+            Plan::Appearances { visits, .. } => !visits.is_empty(),
+        };
+        if !plans.iter().any(remembers) {
+            return Err(Error::new(
+                ErrorKind::Config,
+                format!(
+                    "the map kept no appearances, which method `{}` needs",
+                    cfg.method()
+                ),
+            )
+            .with_help("build the map with `keep-appearances = \"all\"`, or use method `fremen`"));
+        }
+        Ok(Self {
+            matcher: Matcher::new(cfg.matching().clone()),
+            snapshot,
+            cfg,
+            plans,
+        })
+    }
+
+    /// The same with another part of each place predicted; models are not fitted again.
+    #[must_use]
+    pub fn with_selection(mut self, selection: Selection) -> Self {
+        self.cfg = self.cfg.with_selection(selection);
+        self
+    }
+
+    /// The map it reads.
+    pub fn snapshot(&self) -> &Arc<Snapshot> {
+        &self.snapshot
+    }
+
+    /// How it works.
+    pub fn cfg(&self) -> &LocalizerConfig {
+        &self.cfg
+    }
+
+    /// The visibility model of a place; `None` where the method remembers appearances instead.
+    pub fn model(&self, node: NodeId) -> Option<&dyn VisibilityModel> {
+        match &self.plans[node.0 as usize] {
+            Plan::Predicted(model) => Some(model.as_ref()),
+            Plan::Appearances { .. } => None,
+        }
+    }
+
+    /// Memory to work in.
+    pub fn scratch(&self) -> Scratch {
+        Scratch::default()
+    }
+
+    /// [`localize_into`](Self::localize_into) a new [`Localization`].
+    pub fn localize(&self, scratch: &mut Scratch, query: &Query<'_>) -> Result<Localization> {
+        let mut out = Localization::default();
+        self.localize_into(scratch, query, &mut out)?;
+        Ok(out)
+    }
+
+    /// Ranks the places by how well they explain `query`, and decides.
+    ///
+    /// Fails with [`ErrorKind::Time`] if the method needs a time and the query has none, and with
+    /// [`ErrorKind::Shape`] if the query's image has another size than the map's.
+    pub fn localize_into(
+        &self,
+        scratch: &mut Scratch,
+        query: &Query<'_>,
+        out: &mut Localization,
+    ) -> Result<()> {
+        let time = self.check(query)?;
+        let live = query.features.view();
+        out.restart(self.snapshot.nodes.len(), query.time);
+        for (id, candidate) in (0..).map(NodeId).zip(&mut out.ranking) {
+            candidate.restart(id);
+            match &self.plans[id.0 as usize] {
+                Plan::Predicted(model) => {
+                    self.predict(scratch, id, model.as_ref(), time, self.cfg.selection());
+                    candidate.predict(&scratch.predicted);
+                    let ranked = scratch.ranked.view();
+                    out.pairs_compared += (ranked.len() * live.len()) as u64;
+                    (self.matcher).matches_into(
+                        &mut scratch.matching,
+                        ranked,
+                        live,
+                        &mut scratch.matches,
+                    );
+                    let vote = scratch
+                        .verify
+                        .vote(&self.cfg, &scratch.matches, ranked, live);
+                    candidate.explain(&self.cfg, &scratch.matches, &scratch.verify.vote, &vote);
+                }
+                plan @ Plan::Appearances { .. } => {
+                    plan.visits_into(time, &mut scratch.likely, &mut scratch.visits);
+                    for &visit in &scratch.visits {
+                        let ranked = self.appearance(id, visit, self.largest_size());
+                        out.pairs_compared += (ranked.len() * live.len()) as u64;
+                        (self.matcher).matches_into(
+                            &mut scratch.matching,
+                            ranked,
+                            live,
+                            &mut scratch.matches,
+                        );
+                        let vote = scratch
+                            .verify
+                            .vote(&self.cfg, &scratch.matches, ranked, live);
+                        candidate.improve(
+                            &self.cfg,
+                            visit,
+                            &scratch.matches,
+                            &scratch.verify.vote,
+                            &vote,
+                        );
+                    }
+                }
+            }
+        }
+        out.rank(self.cfg.min_score());
+        Ok(())
+    }
+
+    /// The query's time (or the epoch, for methods that do without), if the query fits the map.
+    fn check(&self, query: &Query<'_>) -> Result<Time> {
+        if let (Some(live), Some(map)) = (query.image_size, self.snapshot.meta.image_size)
+            && live != map
+        {
+            return Err(Error::new(
+                ErrorKind::Shape,
+                format!(
+                    "the image has {} x {} px, but the map was learnt from {} x {} px",
+                    live.0, live.1, map.0, map.1
+                ),
+            )
+            .with_help("crop or scale the image as the map's images were"));
+        }
+        match query.time {
+            Some(time) => Ok(time),
+            None if self.cfg.method().needs_time() => Err(Error::new(
+                ErrorKind::Time,
+                format!("method `{}` needs the time of the image", self.cfg.method()),
+            )
+            .with_help("give the time, or use method `static`")),
+            None => Ok(Time::default()),
+        }
+    }
+
+    /// Chooses the features of a place that should be visible, and gathers them in order.
+    fn predict(
+        &self,
+        scratch: &mut Scratch,
+        id: NodeId,
+        model: &dyn VisibilityModel,
+        time: Time,
+        selection: Selection,
+    ) {
+        scratch.predicted.predict(model, time, selection);
+        let features = &self.snapshot.node(id).features;
+        scratch
+            .ranked
+            .gather(features, scratch.predicted.features());
+    }
+
+    /// At most the `size` strongest features of an appearance.
+    fn appearance(&self, id: NodeId, visit: u32, size: usize) -> FeaturesView<'_> {
+        let appearance = &self.snapshot.node(id).visits[visit as usize].appearance;
+        appearance
+            .as_ref()
+            .map_or(FeaturesView::EMPTY, |features| features.view().prefix(size))
+    }
+
+    /// How many features of an appearance the configured selection takes.
+    fn largest_size(&self) -> usize {
+        match self.cfg.selection() {
+            Selection::Top(n) => n,
+            Selection::Threshold(_) => usize::MAX,
+        }
+    }
+}
+
+impl Plan {
+    fn of(node: &Node, cfg: &LocalizerConfig) -> Result<Self> {
+        let fit = |cfg: &VisibilityConfig, log| visibility::fit(log, cfg, Visits::All);
+        let kept = |only: Option<AppearanceUse>| {
+            (0..)
+                .zip(&node.visits)
+                .filter(|(_, visit)| {
+                    visit.appearance.is_some()
+                        && only.is_none_or(|only| visit.appearance_use == only)
+                })
+                .map(|(index, _)| index)
+                .collect()
+        };
+        Ok(match cfg.method() {
+            Method::Static => Self::Predicted(fit(&VisibilityConfig::mean(), &node.log)?),
+            Method::Fremen => Self::Predicted(fit(cfg.visibility(), &node.log)?),
+            Method::ExperienceAll => Self::Appearances {
+                visits: kept(None),
+                likely: None,
+            },
+            Method::Experience => Self::Appearances {
+                visits: kept(Some(AppearanceUse::Experience)),
+                likely: None,
+            },
+            Method::Freex => Self::Appearances {
+                visits: kept(Some(AppearanceUse::Experience)),
+                likely: Some(fit(cfg.visibility(), &node.experience_log)?),
+            },
+        })
+    }
+
+    /// The visits whose appearances are matched at `time`: all, or with a model the likely ones, of
+    /// which there is always at least one.
+    fn visits_into(&self, time: Time, likely: &mut Vec<f64>, out: &mut Vec<u32>) {
+        out.clear();
+        let Self::Appearances {
+            visits,
+            likely: model,
+        } = self
+        else {
+            return;
+        };
+        let Some(model) = model else {
+            out.extend_from_slice(visits);
+            return;
+        };
+        likely.clear();
+        likely.resize(model.num_features(), 0.0);
+        model.score_into(time, likely);
+        let scored = || visits.iter().zip(likely.iter());
+        out.extend(
+            scored()
+                .filter(|&(_, &p)| p >= LIKELY_EXPERIENCE)
+                .map(|(&visit, _)| visit),
+        );
+        if out.is_empty() {
+            // The latest of the most likely: the newest knowledge wins a tie.
+            let best = scored().max_by(|a, b| a.1.total_cmp(b.1));
+            out.extend(best.map(|(&visit, _)| visit));
+        }
+    }
+}
+
+impl Verify {
+    /// Finds the displacement that most `matches` agree on.
+    fn vote(
+        &mut self,
+        cfg: &LocalizerConfig,
+        matches: &[Match],
+        map: FeaturesView<'_>,
+        live: FeaturesView<'_>,
+    ) -> Vote {
+        displacements_into(
+            matches,
+            map.keypoints,
+            live.keypoints,
+            &mut self.displacements,
+        );
+        vote_displacement(cfg.vote(), &mut self.vote, &self.displacements)
+    }
+}

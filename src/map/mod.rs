@@ -1,10 +1,28 @@
 //! What is remembered of each place?
 //!
 //! A [`Snapshot`] is one immutable state of a map: places ([`Node`]) with their features, the log of
-//! what was seen at which visit, and the edges between them. This room stores and decides nothing.
+//! what was seen at which visit, and the edges between them. A [`Map`] keeps snapshots in a file, each
+//! commit a generation; `maps/README.md` describes that file down to the byte. This room stores and
+//! decides nothing: what to add is up to `learn`, what to expect to `predict`.
 
+mod building;
+mod change;
+#[cfg(test)]
+mod damage;
+mod digest;
+mod format;
+mod identity;
+mod load;
+mod store;
 mod types;
+mod verify;
 
+pub use building::Summary;
+pub use digest::ContentDigest;
+pub use identity::{derived_uuid, features_digest, random_uuid};
+pub use load::{Fault, Generation};
+pub use store::Map;
 pub use types::{
     AppearanceUse, Edge, MapMeta, Node, NodeId, PlaceKey, SessionId, Snapshot, Visit, VisitId,
 };
+pub use verify::VerifyReport;

@@ -11,7 +11,9 @@ use crate::time::Time;
 use crate::visibility::HistoryLog;
 
 /// Position of a node in [`Snapshot::nodes`]: a local number, never stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
 #[serde(transparent)]
 pub struct NodeId(pub u32);
 
@@ -123,6 +125,9 @@ pub struct Node {
     pub log: HistoryLog,
     /// The visits, in order of arrival; `log.num_visits() == visits.len()` and times agree.
     pub visits: Vec<Visit>,
+    /// Which experience of the place would by itself have located which visit: one bit for each visit
+    /// with [`AppearanceUse::Experience`], in their order.
+    pub experience_log: HistoryLog,
     /// Position in metres in a frame of the user's, where known.
     pub pose: Option<[f64; 3]>,
 }
@@ -134,6 +139,7 @@ impl Node {
             key,
             features: Features::new(),
             log: HistoryLog::new(),
+            experience_log: HistoryLog::new(),
             visits: Vec::new(),
             pose: None,
         }

@@ -1,1 +1,30 @@
-//! Room spectrum.
+//! What rhythms are in this 0/1 history?
+//!
+//! Pure mathematics of one binary state observed at known times; nothing here knows what the state
+//! means. [`CandidatePeriods`] is the set Omega of rhythms that are looked for,
+//! [`strongest`] selects the few that a model of order l keeps.
+//!
+//! # Notation
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | `t_1 ... t_m`, `s_i` | observation times and states, `s_i` in {0, 1} |
+//! | `w_k = 2 pi / T_k` | angular frequency of candidate k |
+//! | `S_k`, `W_k` | `sum_i s_i e^{-j w_k t_i}`, `sum_i e^{-j w_k t_i}` |
+//! | `mu` | `S_0 / m`, the mean |
+//! | `g_k` | `(S_k - mu W_k) / m`, the balanced coefficient |
+//! | `p(t)` | `clamp(mu + sum over the l largest abs(g_k) of 2 abs(g_k) cos(w_k t + arg g_k))` |
+//!
+//! # Sources and errata
+//!
+//! Krajnik et al., *FreMEn*, T-RO 2017, eq. 10-11; Santos et al., RAS 2016, eq. 3-4.
+//! T-RO eq. 10 prints no factor 2 (RAS eq. 4 has it): with half the amplitude the reconstruction of a
+//! uniformly sampled series is not its inverse transform. T-RO eq. 11 has no balance term `mu W_k`;
+//! RAS eq. 3 balances with the *running* mean, whose value depends on the order of observations. The
+//! form above is exact, independent of order and mergeable.
+
+mod candidates;
+mod select;
+
+pub use candidates::CandidatePeriods;
+pub use select::{NEGLIGIBLE_AMPLITUDE, strongest};

@@ -1,0 +1,569 @@
+//! How does every method answer every query of a suite?
+//!
+//! For each fold and arm a map is learnt from the learning side in order of time; then every query is
+//! asked of every localizer, all n in one pass ([`chronotope::localize::Sweep`]). For some queries the
+//! plain [`Localizer::localize_into`] is timed, alone on its core, and must give the same scores as the
+//! sweep: a run in which it does not is an error, not a result.
+//!
+//! Queries and what is learnt are kept apart twice: by the protocol, and by the digest of decoded
+//! pixels (an image that equals a query of the fold is taken off the learning side).
+
+use std::collections::{BTreeMap, HashSet};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail, ensure};
+use chronotope::Time;
+use chronotope::dataset::{Clock, Dataset, Manifest, Side};
+use chronotope::feature::Features;
+use chronotope::learn::{KeepAppearances, LearnConfig, Learner, Observation};
+use chronotope::localize::{
+    Localization, Localizer, Method, Preset, Query, Score, Scratch, Sweep,
+};
+use chronotope::map::{MapMeta, NodeId, SessionId, Snapshot, derived_uuid};
+use chronotope::predict::Selection;
+use rayon::prelude::*;
+
+use crate::material::Material;
+use crate::metrics::{self, Sample};
+use crate::results::{
+    self, Answer, LeakCheck, Reobservation, SuiteResults,
+};
+use crate::suite::{Arm, Protocol, Run, Suite};
+
+/// Re-observation is judged on so many of the most likely features (T-RO 2017, table I).
+const TOP: usize = 10;
+/// So many queries of the first fold are asked once more, one at a time, with the clock running.
+const NUM_TIMED: usize = 16;
+
+/// Entries that are learnt and entries that are asked for; indices into a dataset.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Fold {
+    /// Learnt, in order of time.
+    pub learn: Vec<usize>,
+    /// Asked for.
+    pub query: Vec<usize>,
+}
+
+/// The folds of a protocol, before the leak check.
+pub fn folds(
+    protocol: &Protocol,
+    dataset: &Dataset,
+    manifest: Option<&Manifest>,
+) -> Result<Vec<Fold>> {
+    let all = 0..dataset.entries.len();
+    match protocol {
+        Protocol::LeaveOneVisitOut => {
+            let visits = visit_numbers(dataset);
+            let num_visits = visits.iter().max().map_or(0, |last| last + 1);
+            ensure!(
+                num_visits >= 2,
+                "leaving one visit out takes at least two visits of a place"
+            );
+            Ok((0..num_visits)
+                .map(|left_out| {
+                    let (query, learn) = all.clone().partition(|&i| visits[i] == left_out);
+                    Fold { learn, query }
+                })
+                .collect())
+        }
+        Protocol::Split => {
+            let split = manifest
+                .and_then(|manifest| manifest.split.as_ref())
+                .with_context(|| format!("the manifest of `{}` has no split", dataset.name))?;
+            let of = |side| {
+                all.clone()
+                    .filter(|&i| split.side(&dataset.entries[i]) == Some(side))
+                    .collect::<Vec<_>>()
+            };
+            let fold = Fold {
+                learn: of(Side::Learn),
+                query: of(Side::Query),
+            };
+            ensure!(
+                !fold.learn.is_empty() && !fold.query.is_empty(),
+                "the split of `{}` leaves one side empty",
+                dataset.name
+            );
+            Ok(vec![fold])
+        }
+        Protocol::Synthetic { .. } => bail!("worlds bring their own folds"),
+    }
+}
+
+/// The number of each entry among the visits of its place, from 0 in order of time.
+fn visit_numbers(dataset: &Dataset) -> Vec<usize> {
+    let mut times: BTreeMap<_, Vec<Time>> = BTreeMap::new();
+    for entry in &dataset.entries {
+        times.entry(&entry.place).or_default().push(entry.time);
+    }
+    for times in times.values_mut() {
+        times.sort_unstable();
+        times.dedup();
+    }
+    (dataset.entries.iter())
+        .map(|entry| times[&entry.place].partition_point(|&time| time < entry.time))
+        .collect()
+}
+
+/// What one run said about one query.
+#[derive(Clone, Debug)]
+struct Said {
+    /// For each score and n: the answer.
+    answers: Vec<Vec<Answer>>,
+    pairs_compared: Vec<u64>,
+    /// (seen again, selected) of the most likely features, where the method predicts features.
+    reobserved: Option<(u32, u32)>,
+}
+
+/// One localizer with its name in tables.
+struct Contestant {
+    run: Run,
+    localizer: Localizer,
+}
+
+/// Collects answers over folds and worlds, then turns them into rows.
+pub struct Tallies<'s> {
+    suite: &'s Suite,
+    queries: BTreeMap<String, results::Query>,
+    variants: Vec<VariantTally>,
+    num_learnt: Vec<usize>,
+    num_checked: u32,
+    num_removed: AtomicU32,
+    num_broken: usize,
+    num_places: usize,
+    extraction_ms: Vec<f64>,
+    has_clock: bool,
+    is_timed: bool,
+}
+
+/// What is summed up for one run: the rows of its variants share all but the answers.
+#[derive(Clone, Debug)]
+struct VariantTally {
+    preset: Preset,
+    scores: Vec<Score>,
+    run: Run,
+    is_default: bool,
+    pairs_compared: Vec<u64>,
+    num_asked: u64,
+    reobserved: Vec<(Option<String>, f64)>,
+    ms: Vec<Vec<f64>>,
+}
+
+/// What a report shows of one fold.
+pub struct Exhibit {
+    /// The map of the suite's most telling arm.
+    pub snapshot: Arc<Snapshot>,
+    /// The localizer of the run that pictures are drawn of.
+    pub localizer: Localizer,
+    /// The fold.
+    pub fold: Fold,
+}
+
+impl<'s> Tallies<'s> {
+    /// Nothing asked yet.
+    pub fn new(suite: &'s Suite) -> Self {
+        Self {
+            suite,
+            queries: BTreeMap::new(),
+            variants: Vec::new(),
+            num_learnt: Vec::new(),
+            num_checked: 0,
+            num_removed: AtomicU32::new(0),
+            num_broken: 0,
+            num_places: 0,
+            extraction_ms: Vec::new(),
+            has_clock: true,
+            is_timed: false,
+        }
+    }
+
+    /// Runs every arm on every fold of one dataset.
+    ///
+    /// `prefix` makes the ids of queries unique over several datasets and groups them; `progress` is
+    /// called once per fold and arm.
+    pub fn add(
+        &mut self,
+        material: &Material,
+        folds: &[Fold],
+        prefix: Option<&str>,
+        progress: &(impl Fn() + Sync),
+    ) -> Result<()> {
+        self.has_clock = material.dataset.clock == Clock::Real;
+        self.num_checked += material.extracted.len() as u32;
+        self.num_broken += material.dataset.problems.len();
+        self.num_places = self.num_places.max(material.dataset.places().len());
+        self.extraction_ms.extend_from_slice(&material.extraction_ms);
+        let folds: Vec<Fold> = folds.iter().map(|fold| self.without_twins(material, fold)).collect();
+        self.num_learnt.extend(folds.iter().map(|fold| fold.learn.len()));
+        let mut first_variant = 0;
+        for arm in &self.suite.arms {
+            let said: Vec<Vec<(usize, Vec<Said>)>> = folds
+                .par_iter()
+                .map(|fold| {
+                    let said = self.run_fold(material, fold, arm);
+                    progress();
+                    said
+                })
+                .collect::<Result<_>>()?;
+            let runs = arm.runs(self.has_clock);
+            self.register(arm, &runs, first_variant);
+            for (entry, said) in said.into_iter().flatten() {
+                self.collect(material, entry, prefix, first_variant, said);
+            }
+            if !self.is_timed
+                && let Some(fold) = folds.first()
+            {
+                self.time(material, fold, arm, first_variant)?;
+            }
+            first_variant += runs.len();
+        }
+        self.is_timed = true;
+        Ok(())
+    }
+
+    /// The fold without learning images that show the same pixels as one of its queries.
+    fn without_twins(&self, material: &Material, fold: &Fold) -> Fold {
+        let asked: HashSet<&[u8; 32]> =
+            (fold.query.iter()).map(|&i| &material.extracted[i].digest).collect();
+        let learn: Vec<usize> = (fold.learn.iter().copied())
+            .filter(|&i| !asked.contains(&material.extracted[i].digest))
+            .collect();
+        let removed = (fold.learn.len() - learn.len()) as u32;
+        self.num_removed.fetch_add(removed, Ordering::Relaxed);
+        Fold {
+            learn,
+            query: fold.query.clone(),
+        }
+    }
+
+    fn run_fold(
+        &self,
+        material: &Material,
+        fold: &Fold,
+        arm: &Arm,
+    ) -> Result<Vec<(usize, Vec<Said>)>> {
+        let times = times(&material.dataset, arm)?;
+        let snapshot = learn(material, fold, arm, &times)?;
+        let contestants = contestants(&snapshot, arm, self.has_clock)?;
+        let num_live = LearnConfig::preset(arm.preset).features_per_visit();
+        (fold.query.par_iter())
+            .map_init(
+                || (Scratch::default(), Sweep::new(&self.suite.sizes)),
+                |(scratch, sweep), &entry| {
+                    let sweep = sweep.as_mut().map_err(|error| anyhow::anyhow!("{error}"))?;
+                    sweep.restart();
+                    let live = live(material, entry, num_live);
+                    let query = Query {
+                        features: &live,
+                        time: Some(times[entry]),
+                        image_size: Some(material.extracted[entry].image_size),
+                    };
+                    let truth = snapshot.find(&material.dataset.entries[entry].place);
+                    let said = (contestants.iter())
+                        .map(|contestant| ask(&contestant.localizer, arm, &query, truth, scratch, sweep))
+                        .collect::<Result<_>>()?;
+                    Ok((entry, said))
+                },
+            )
+            .collect()
+    }
+
+    fn register(&mut self, arm: &Arm, runs: &[Run], first_variant: usize) {
+        if self.variants.len() > first_variant {
+            return;
+        }
+        let default = chronotope::localize::LocalizerConfig::default();
+        self.variants.extend(runs.iter().map(|run| VariantTally {
+            preset: arm.preset,
+            scores: arm.scores.clone(),
+            run: run.clone(),
+            is_default: arm.preset == Preset::Default && run.localizer == default,
+            pairs_compared: vec![0; self.suite.sizes.len()],
+            num_asked: 0,
+            reobserved: Vec::new(),
+            ms: vec![Vec::new(); self.suite.sizes.len()],
+        }));
+    }
+
+    fn collect(
+        &mut self,
+        material: &Material,
+        entry: usize,
+        prefix: Option<&str>,
+        first_variant: usize,
+        said: Vec<Said>,
+    ) {
+        let entry = &material.dataset.entries[entry];
+        let id = match prefix {
+            Some(prefix) => format!("{prefix}/{}", entry.id),
+            None => entry.id.clone(),
+        };
+        // Cut-outs of one photograph, and all images of one world, are alike.
+        let group = match prefix {
+            Some(prefix) => Some(prefix.to_owned()),
+            None => entry
+                .id
+                .split_once('@')
+                .map(|(photograph, _)| photograph.to_owned()),
+        };
+        let query = (self.queries.entry(id.clone())).or_insert_with(|| results::Query {
+            id,
+            truth: Some(entry.place.as_str().to_owned()),
+            group: group.clone(),
+            answers: BTreeMap::new(),
+        });
+        for (variant, said) in self.variants[first_variant..].iter_mut().zip(said) {
+            variant.num_asked += 1;
+            for (sum, pairs) in variant.pairs_compared.iter_mut().zip(said.pairs_compared) {
+                *sum += pairs;
+            }
+            if let Some((seen, selected)) = said.reobserved
+                && selected > 0
+            {
+                let share = f64::from(seen) / f64::from(selected);
+                variant.reobserved.push((group.clone(), share));
+            }
+            if self.suite.visibility_only {
+                continue;
+            }
+            for (&score, answers) in variant.scores.iter().zip(said.answers) {
+                let name = variant.run.variant(variant.preset, score);
+                for (&n, answer) in self.suite.sizes.iter().zip(answers) {
+                    query.answers.insert(name.at(n as u32).to_string(), answer);
+                }
+            }
+        }
+    }
+
+    /// Times single localisations and holds them against the sweep.
+    fn time(
+        &mut self,
+        material: &Material,
+        fold: &Fold,
+        arm: &Arm,
+        first_variant: usize,
+    ) -> Result<()> {
+        let times = times(&material.dataset, arm)?;
+        let snapshot = learn(material, fold, arm, &times)?;
+        let num_live = LearnConfig::preset(arm.preset).features_per_visit();
+        let step = fold.query.len().div_ceil(NUM_TIMED).max(1);
+        let mut scratch = Scratch::default();
+        let mut sweep = Sweep::new(&self.suite.sizes)?;
+        let mut out = Localization::default();
+        for (index, contestant) in contestants(&snapshot, arm, self.has_clock)?.into_iter().enumerate() {
+            let mut localizer = contestant.localizer;
+            for &entry in fold.query.iter().step_by(step) {
+                let live = live(material, entry, num_live);
+                let query = Query {
+                    features: &live,
+                    time: Some(times[entry]),
+                    image_size: Some(material.extracted[entry].image_size),
+                };
+                sweep.restart();
+                localizer.sweep(&mut scratch, &query, &mut sweep)?;
+                for (size, &n) in self.suite.sizes.iter().enumerate() {
+                    localizer = localizer.with_selection(Selection::Top(n));
+                    let start = Instant::now();
+                    localizer.localize_into(&mut scratch, &query, &mut out)?;
+                    let ms = start.elapsed().as_secs_f64() * 1e3;
+                    self.variants[first_variant + index].ms[size].push(ms);
+                    let score = localizer.cfg().score();
+                    for candidate in &out.ranking {
+                        let swept = sweep.tally(candidate.node, size).of(score);
+                        ensure!(
+                            candidate.score == swept,
+                            "{} scores {} for node {} at n = {n}, but {swept} in the sweep",
+                            localizer.cfg().method(),
+                            candidate.score,
+                            candidate.node.0
+                        );
+                    }
+                    ensure!(
+                        out.pairs_compared == sweep.pairs_compared()[size],
+                        "{} compares {} pairs at n = {n}, but {} in the sweep",
+                        localizer.cfg().method(),
+                        out.pairs_compared,
+                        sweep.pairs_compared()[size]
+                    );
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The rows, queries and header numbers of everything added so far.
+    pub fn finish(self, results: &mut SuiteResults) {
+        results.queries = self.queries.into_values().collect();
+        for variant in &self.variants {
+            let reobserved = reobservation(variant);
+            for &score in &variant.scores {
+                let name = variant.run.variant(variant.preset, score);
+                for (size, &n) in self.suite.sizes.iter().enumerate() {
+                    let key = name.at(n as u32);
+                    let tally = metrics::Tally::of(&results.queries, &key, false);
+                    let is_default = variant.is_default && score == variant.run.localizer.score();
+                    let mut row = tally.into_row(&key, is_default);
+                    row.reobserved = reobserved.as_ref().map(|reobserved| reobserved.percent);
+                    row.pairs_compared =
+                        variant.pairs_compared[size] as f64 / variant.num_asked.max(1) as f64;
+                    (row.ms_p50, row.ms_p99) = metrics::p50_p99(&variant.ms[size]);
+                    if !self.suite.visibility_only {
+                        results.rows.push(row);
+                    }
+                }
+            }
+            results.reobservation.extend(reobserved);
+        }
+        if !self.extraction_ms.is_empty() {
+            let (ms_p50, ms_p99) = metrics::p50_p99(&self.extraction_ms);
+            results.latency.push(results::StageLatency {
+                of: "all methods".into(),
+                stage: "decode and extract, two at a time".into(),
+                ms_p50,
+                ms_p99,
+            });
+        }
+        results.num_places = Some(self.num_places as u32);
+        let folds = self.num_learnt.len().max(1);
+        results.num_learnt_images = Some((self.num_learnt.iter().sum::<usize>() / folds) as u32);
+        results.num_broken_images = Some(self.num_broken as u32);
+        results.leak_check = Some(LeakCheck {
+            num_checked: self.num_checked,
+            num_removed: self.num_removed.into_inner(),
+            note: String::new(),
+        });
+        results.clock = if self.has_clock {
+            "the dataset's times are a clock".into()
+        } else {
+            "none: the dataset's times only number its visits, so no temporal model was run".into()
+        };
+    }
+}
+
+fn reobservation(variant: &VariantTally) -> Option<Reobservation> {
+    if variant.reobserved.is_empty() {
+        return None;
+    }
+    let values = variant.reobserved.iter();
+    let sample = Sample::grouped(values.map(|(group, share)| (group.as_deref(), *share)));
+    let percent = sample.rate().scaled(100.0);
+    let name = variant.run.variant(variant.preset, variant.run.localizer.score());
+    Some(Reobservation {
+        preset: name.preset,
+        method: name.method,
+        model: name.model,
+        order: name.order,
+        top: TOP as u32,
+        percent: percent.mean,
+        ci_low: percent.interval.low,
+        ci_high: percent.interval.high,
+    })
+}
+
+/// The strongest features of an image.
+fn live(material: &Material, entry: usize, num_live: usize) -> Features {
+    let mut features = material.extracted[entry].features.clone();
+    features.truncate(num_live);
+    features
+}
+
+/// When each entry was taken, by the arm's clock.
+fn times(dataset: &Dataset, arm: &Arm) -> Result<Vec<Time>> {
+    let dated = dataset.entries.iter().map(|entry| entry.time);
+    Ok(match arm.visit_clock()? {
+        None => dated.collect(),
+        Some(quantum) => (visit_numbers(dataset).into_iter())
+            .map(|number| Time::from_us(quantum.as_us().saturating_mul(number as i64)))
+            .collect(),
+    })
+}
+
+/// Learns the map of one fold.
+pub fn learn(material: &Material, fold: &Fold, arm: &Arm, times: &[Time]) -> Result<Arc<Snapshot>> {
+    let meta = MapMeta::new(derived_uuid(&material.dataset.name), "evaluation", arm.preset.name());
+    let cfg = LearnConfig::preset(arm.preset).with_keep_appearances(KeepAppearances::All);
+    let mut learner = Learner::new(cfg, meta);
+    for &index in &fold.learn {
+        let entry = &material.dataset.entries[index];
+        learner.observe(&Observation {
+            place: entry.place.clone(),
+            session: SessionId::derive(&material.dataset.name),
+            time: times[index],
+            features: &material.extracted[index].features,
+            image_size: material.extracted[index].image_size,
+            mask: None,
+            source: entry.id.clone(),
+        })?;
+    }
+    Ok(learner.snapshot()?)
+}
+
+fn contestants(snapshot: &Arc<Snapshot>, arm: &Arm, has_clock: bool) -> Result<Vec<Contestant>> {
+    (arm.runs(has_clock).into_iter())
+        .map(|run| {
+            let localizer = Localizer::new(Arc::clone(snapshot), run.localizer.clone())?;
+            Ok(Contestant { run, localizer })
+        })
+        .collect()
+}
+
+fn ask(
+    localizer: &Localizer,
+    arm: &Arm,
+    query: &Query<'_>,
+    truth: Option<NodeId>,
+    scratch: &mut Scratch,
+    sweep: &mut Sweep,
+) -> Result<Said> {
+    localizer.sweep(scratch, query, sweep)?;
+    let nodes = &localizer.snapshot().nodes;
+    let answer = |score: Score, size: usize| {
+        let scored = || {
+            (0..nodes.len()).map(|node| sweep.tally(NodeId(node as u32), size).of(score))
+        };
+        let best = scored().max().unwrap_or(0);
+        if best == 0 {
+            return Answer {
+                first: None,
+                decision: results::Decision::Unknown,
+                posterior: BTreeMap::new(),
+                ties: Vec::new(),
+            };
+        }
+        let name = |node: usize| nodes[node].key.as_str().to_owned();
+        let first: Vec<usize> = (scored().enumerate())
+            .filter(|&(_, score)| score == best)
+            .map(|(node, _)| node)
+            .collect();
+        Answer {
+            first: Some(name(first[0])),
+            decision: results::Decision::At(name(first[0])),
+            posterior: BTreeMap::new(),
+            ties: if first.len() > 1 {
+                first.iter().map(|&node| name(node)).collect()
+            } else {
+                Vec::new()
+            },
+        }
+    };
+    let answers = (arm.scores.iter())
+        .map(|&score| (0..sweep.sizes().len()).map(|size| answer(score, size)).collect())
+        .collect();
+    let pairs_compared = sweep.pairs_compared().to_vec();
+    let reobserved = match truth {
+        Some(node) if matches!(localizer.cfg().method(), Method::Static | Method::Fremen) => {
+            let selected = localizer.snapshot().node(node).features.len().min(TOP);
+            localizer
+                .reobserved(scratch, query, node, TOP)?
+                .map(|seen| (seen as u32, selected as u32))
+        }
+        _ => None,
+    };
+    Ok(Said {
+        answers,
+        pairs_compared,
+        reobserved,
+    })
+}

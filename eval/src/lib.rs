@@ -1,0 +1,22 @@
+//! Which method recognises places best, how sure are we of it, and what does it look like?
+//!
+//! Finished answers become numbers and pictures here: [`results`] is the file `SUITE.json`,
+//! [`metrics`] turns answers into rates with intervals, [`compare`] pairs two runs query by query,
+//! [`table`] prints a run in a terminal and [`report`] draws it as one HTML file.
+
+pub mod compare;
+pub mod harness;
+pub mod material;
+pub mod metrics;
+pub mod report;
+pub mod results;
+pub mod run;
+pub mod suite;
+pub mod table;
+
+// The made-up run is shared by unit and integration tests, which name this crate differently.
+#[cfg(test)]
+extern crate self as chronotope_eval;
+#[cfg(test)]
+#[path = "../tests/it/sample.rs"]
+mod sample;

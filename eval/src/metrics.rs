@@ -1,0 +1,706 @@
+//! How good is a method, and how sure can we be of that from so few queries?
+//!
+//! A rate over q queries is a mean of q values in 0..=1 (an error is 0, 1 or the split of a tie).
+//! Its 95 % interval is the percentile bootstrap (Efron 1979): draw q queries with replacement
+//! 2,000 times, take the mean of each draw, and report the 2.5 % and 97.5 % quantiles of these means.
+//! Where queries come in groups that are alike (images of one hour), whole groups are drawn instead.
+//! Two methods are compared on the *same* draws of queries, so that hard queries cancel out: the
+//! interval of a difference is that of the mean of per-query differences.
+//!
+//! `Deviation:` where every query has the same value (nobody was wrong), no draw can differ and the
+//! bootstrap would claim certainty; [`Sample::rate_interval`] then gives the Wilson interval
+//! (Wilson 1927), which for 0 wrong of 60 still allows 6 %.
+//!
+//! Draws come from a fixed seed: the same answers give the same interval on every machine.
+//! Cost: O(resamples x queries) per interval. Not for: times of several machines in one mean.
+
+use std::collections::BTreeMap;
+
+use crate::results::{Decision, Query, Row, RowKey, Variant};
+
+/// Draws per interval.
+pub const NUM_RESAMPLES: usize = 2_000;
+
+/// Seed of every draw.
+const SEED: u64 = 0x43_68_72_6f_6e_6f;
+
+/// Share of draws left out at each end: 95 % intervals.
+const TAIL: f64 = 0.025;
+
+/// The normal quantile at `1 - TAIL`.
+const Z: f64 = 1.959_963_984_540_054;
+
+/// A 95 % interval in the unit of the value it belongs to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+impl Interval {
+    /// Whether `value` lies inside, ends included.
+    pub fn contains(&self, value: f64) -> bool {
+        (self.low..=self.high).contains(&value)
+    }
+
+    /// Both ends times `factor`, which is not negative.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self {
+            low: self.low * factor,
+            high: self.high * factor,
+        }
+    }
+}
+
+/// A mean with its interval.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// The mean.
+    pub mean: f64,
+    /// Its 95 % interval.
+    pub interval: Interval,
+}
+
+impl Estimate {
+    /// Whether the interval lies on one side of zero.
+    pub fn excludes_zero(&self) -> bool {
+        self.interval.low > 0.0 || self.interval.high < 0.0
+    }
+
+    /// Everything times `factor`, which is not negative.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self {
+            mean: self.mean * factor,
+            interval: self.interval.scaled(factor),
+        }
+    }
+}
+
+/// `SplitMix64` (Steele, Lea and Flood 2014): 64 bits of state, the same on every machine.
+#[derive(Clone, Debug)]
+struct SplitMix64(u64);
+
+impl SplitMix64 {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// Uniform in `0..bound` (multiply-shift; its bias is below `bound / 2^64`).
+    fn below(&mut self, bound: usize) -> usize {
+        ((u128::from(self.next()) * bound as u128) >> 64) as usize
+    }
+}
+
+/// One value per query, and which queries are alike.
+#[derive(Clone, Debug, Default)]
+pub struct Sample {
+    /// Sum of values and number of queries of each group.
+    groups: Vec<(f64, f64)>,
+    num: usize,
+    sum: f64,
+    smallest: f64,
+    largest: f64,
+}
+
+impl Sample {
+    /// Values of queries that are independent of each other.
+    pub fn new(values: impl IntoIterator<Item = f64>) -> Self {
+        let mut sample = Self::default();
+        for value in values {
+            sample.groups.push((value, 1.0));
+            sample.count(value);
+        }
+        sample
+    }
+
+    /// Values with the name of each query's group, where it has one.
+    pub fn grouped<'a>(values: impl IntoIterator<Item = (Option<&'a str>, f64)>) -> Self {
+        let mut sample = Self::default();
+        let mut places: BTreeMap<&str, usize> = BTreeMap::new();
+        for (group, value) in values {
+            let next = sample.groups.len();
+            let at = group.map_or(next, |group| *places.entry(group).or_insert(next));
+            if at == next {
+                sample.groups.push((0.0, 0.0));
+            }
+            sample.groups[at].0 += value;
+            sample.groups[at].1 += 1.0;
+            sample.count(value);
+        }
+        sample
+    }
+
+    fn count(&mut self, value: f64) {
+        (self.smallest, self.largest) = if self.num == 0 {
+            (value, value)
+        } else {
+            (self.smallest.min(value), self.largest.max(value))
+        };
+        self.num += 1;
+        self.sum += value;
+    }
+
+    /// Number of queries.
+    pub fn len(&self) -> usize {
+        self.num
+    }
+
+    /// Whether there is no query.
+    pub fn is_empty(&self) -> bool {
+        self.num == 0
+    }
+
+    /// The mean; 0 without queries.
+    pub fn mean(&self) -> f64 {
+        if self.is_empty() {
+            0.0
+        } else {
+            self.sum / self.num as f64
+        }
+    }
+
+    /// The percentile bootstrap interval of the mean. It contains the mean of the values, and
+    /// shrinks to one point where all values are equal.
+    pub fn interval(&self) -> Interval {
+        let mean = self.mean();
+        if self.is_empty() || self.smallest == self.largest {
+            return Interval {
+                low: mean,
+                high: mean,
+            };
+        }
+        let mut random = SplitMix64(SEED);
+        let mut means: Vec<f64> = (0..NUM_RESAMPLES)
+            .map(|_| {
+                let (mut sum, mut num) = (0.0, 0.0);
+                for _ in 0..self.groups.len() {
+                    let (group_sum, group_num) = self.groups[random.below(self.groups.len())];
+                    sum += group_sum;
+                    num += group_num;
+                }
+                sum / num
+            })
+            .collect();
+        means.sort_by(f64::total_cmp);
+        // A few odd groups can push every draw to one side of the mean.
+        Interval {
+            low: quantile_of_sorted(&means, TAIL).min(mean),
+            high: quantile_of_sorted(&means, 1.0 - TAIL).max(mean),
+        }
+    }
+
+    /// The interval of a rate, whose values lie in 0..=1; see the module's deviation.
+    pub fn rate_interval(&self) -> Interval {
+        if self.smallest == self.largest {
+            // Groups are the independent observations here.
+            wilson(self.mean() * self.groups.len() as f64, self.groups.len())
+        } else {
+            self.interval()
+        }
+    }
+
+    /// Mean and [`interval`](Self::interval).
+    pub fn estimate(&self) -> Estimate {
+        Estimate {
+            mean: self.mean(),
+            interval: self.interval(),
+        }
+    }
+
+    /// Mean and [`rate_interval`](Self::rate_interval).
+    pub fn rate(&self) -> Estimate {
+        Estimate {
+            mean: self.mean(),
+            interval: self.rate_interval(),
+        }
+    }
+}
+
+/// The Wilson score interval of `successes` among `num` trials; 0 to 1 without trials.
+pub fn wilson(successes: f64, num: usize) -> Interval {
+    if num == 0 {
+        return Interval {
+            low: 0.0,
+            high: 1.0,
+        };
+    }
+    let num = num as f64;
+    let p = successes / num;
+    let z2 = Z * Z;
+    let centre = (p + z2 / (2.0 * num)) / (1.0 + z2 / num);
+    let half = Z / (1.0 + z2 / num) * (p * (1.0 - p) / num + z2 / (4.0 * num * num)).sqrt();
+    Interval {
+        low: (centre - half).clamp(0.0, p),
+        high: (centre + half).clamp(p, 1.0),
+    }
+}
+
+/// The `q`-quantile (0..=1) of `values`, linear between neighbours; `None` without values.
+pub fn quantile(values: &[f64], q: f64) -> Option<f64> {
+    if values.is_empty() {
+        return None;
+    }
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    Some(quantile_of_sorted(&sorted, q))
+}
+
+fn quantile_of_sorted(sorted: &[f64], q: f64) -> f64 {
+    let at = q.clamp(0.0, 1.0) * (sorted.len() - 1) as f64;
+    let below = at.floor() as usize;
+    let above = (below + 1).min(sorted.len() - 1);
+    sorted[below] + (at - below as f64) * (sorted[above] - sorted[below])
+}
+
+/// Median and 99th percentile of durations in ms; zeros without durations.
+pub fn p50_p99(durations_ms: &[f64]) -> (f64, f64) {
+    (
+        quantile(durations_ms, 0.5).unwrap_or(0.0),
+        quantile(durations_ms, 0.99).unwrap_or(0.0),
+    )
+}
+
+/// Re-observation: of each query's selected features, how many were seen again; in % with interval.
+/// Queries without selected features do not count; `None` if no query counts.
+pub fn reobservation_percent(
+    seen_of_selected: impl IntoIterator<Item = (u32, u32)>,
+) -> Option<Estimate> {
+    let sample = Sample::new(
+        seen_of_selected
+            .into_iter()
+            .filter(|&(_, selected)| selected > 0)
+            .map(|(seen, selected)| f64::from(seen) / f64::from(selected)),
+    );
+    (!sample.is_empty()).then(|| sample.rate().scaled(100.0))
+}
+
+/// What the answers of one row add up to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tally {
+    /// Queries that have an answer.
+    pub queries: u32,
+    /// Wrong forced first choices, ties split.
+    pub wrong: f64,
+    /// Queries decided unknown or ambiguous.
+    pub unknown: u32,
+    /// Queries with several places on the first rank.
+    pub tied: u32,
+    /// Share of wrong answers in %, with interval.
+    pub wrong_percent: Estimate,
+}
+
+impl Tally {
+    /// Sums up the answers that `queries` hold for `key`.
+    ///
+    /// `has_decision_rule` tells whether the row's rule may say unknown; if not, `unknown` is 0.
+    pub fn of(queries: &[Query], key: &RowKey, has_decision_rule: bool) -> Self {
+        let key = key.to_string();
+        let (mut unknown, mut tied) = (0, 0);
+        let answered = queries
+            .iter()
+            .filter_map(|query| query.answers.get(&key).map(|answer| (query, answer)));
+        let sample = Sample::grouped(answered.map(|(query, answer)| {
+            tied += u32::from(answer.is_tied());
+            unknown += u32::from(!matches!(answer.decision, Decision::At(_)));
+            (query.group.as_deref(), answer.wrong(query.truth.as_deref()))
+        }));
+        Self {
+            queries: sample.len() as u32,
+            wrong: sample.sum,
+            unknown: if has_decision_rule { unknown } else { 0 },
+            tied,
+            wrong_percent: sample.rate().scaled(100.0),
+        }
+    }
+
+    /// The row with these numbers; what the answers do not tell is left at none and zero.
+    pub fn into_row(self, key: &RowKey, is_default: bool) -> Row {
+        let variant = key.variant.clone();
+        Row {
+            is_default,
+            preset: variant.preset,
+            method: variant.method,
+            model: variant.model,
+            score: variant.score,
+            order: variant.order,
+            n: key.n,
+            queries: self.queries,
+            correct: f64::from(self.queries) - self.wrong,
+            wrong: self.wrong,
+            unknown: self.unknown,
+            tied: self.tied,
+            ci_low: self.wrong_percent.interval.low,
+            ci_high: self.wrong_percent.interval.high,
+            reobserved: None,
+            pairs_compared: 0.0,
+            ms_p50: 0.0,
+            ms_p99: 0.0,
+        }
+    }
+}
+
+/// How one row differs from another on the queries that both answered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PairedDifference {
+    /// Queries that both answered.
+    pub num_paired: usize,
+    /// Queries on which the second is less wrong than the first.
+    pub num_better: usize,
+    /// Queries on which the second is more wrong.
+    pub num_worse: usize,
+    /// Wrong answers of the first on these queries, %.
+    pub first_percent: f64,
+    /// Wrong answers of the second on these queries, %.
+    pub second_percent: f64,
+    /// Second minus first, in points of %: negative is better. Exactly zero, with an interval of
+    /// one point, where both agree on every query.
+    pub points: Estimate,
+}
+
+impl PairedDifference {
+    /// Pairs of errors `(group, first, second)` per query; `None` without pairs.
+    pub fn of<'a>(pairs: impl IntoIterator<Item = (Option<&'a str>, f64, f64)>) -> Option<Self> {
+        let (mut first_sum, mut second_sum) = (0.0, 0.0);
+        let (mut num_better, mut num_worse) = (0, 0);
+        let sample = Sample::grouped(pairs.into_iter().map(|(group, first, second)| {
+            first_sum += first;
+            second_sum += second;
+            num_better += usize::from(second < first);
+            num_worse += usize::from(second > first);
+            (group, second - first)
+        }));
+        let percent = 100.0 / sample.len() as f64;
+        (!sample.is_empty()).then(|| Self {
+            num_paired: sample.len(),
+            num_better,
+            num_worse,
+            first_percent: first_sum * percent,
+            second_percent: second_sum * percent,
+            points: sample.estimate().scaled(100.0),
+        })
+    }
+
+    /// Row `second` against row `first` of one run.
+    pub fn between(queries: &[Query], first: &RowKey, second: &RowKey) -> Option<Self> {
+        let (first, second) = (first.to_string(), second.to_string());
+        Self::of(queries.iter().filter_map(|query| {
+            let truth = query.truth.as_deref();
+            let first = query.answers.get(&first)?.wrong(truth);
+            let second = query.answers.get(&second)?.wrong(truth);
+            Some((query.group.as_deref(), first, second))
+        }))
+    }
+}
+
+/// Who is mistaken for whom: forced first choices, ties split.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Confusion {
+    /// Keys of places, sorted; the rows and columns of `counts`.
+    pub places: Vec<String>,
+    /// `counts[truth][answer]`: number of queries.
+    pub counts: Vec<Vec<f64>>,
+    /// Per true place: queries without any first choice.
+    pub no_answer: Vec<f64>,
+}
+
+impl Confusion {
+    /// Of the answers for `key`; queries of unknown places are left out.
+    pub fn of(queries: &[Query], key: &RowKey) -> Self {
+        let key = key.to_string();
+        let mut places: BTreeMap<&str, usize> = BTreeMap::new();
+        let answered: Vec<_> = queries
+            .iter()
+            .filter_map(|query| Some((query.truth.as_deref()?, query.answers.get(&key)?)))
+            .collect();
+        for (truth, answer) in &answered {
+            places.insert(truth, 0);
+            for place in answer.first.iter().chain(&answer.ties) {
+                places.insert(place, 0);
+            }
+        }
+        for (index, place) in places.values_mut().enumerate() {
+            *place = index;
+        }
+        let mut counts = vec![vec![0.0; places.len()]; places.len()];
+        let mut no_answer = vec![0.0; places.len()];
+        for (truth, answer) in answered {
+            let truth = places[truth];
+            if answer.is_tied() {
+                let share = 1.0 / answer.ties.len() as f64;
+                for tied in &answer.ties {
+                    counts[truth][places[tied.as_str()]] += share;
+                }
+            } else if let Some(first) = &answer.first {
+                counts[truth][places[first.as_str()]] += 1.0;
+            } else {
+                no_answer[truth] += 1.0;
+            }
+        }
+        Self {
+            places: places.into_keys().map(str::to_owned).collect(),
+            counts,
+            no_answer,
+        }
+    }
+}
+
+/// Mean of a variant's wrong % over the given n, and the paired difference to another variant's.
+///
+/// Each query's error is first averaged over n, so that the n of one query are not taken for
+/// independent observations.
+pub fn paired_over_n(
+    queries: &[Query],
+    first: &Variant,
+    second: &Variant,
+    all_n: &[u32],
+) -> Option<PairedDifference> {
+    let keys = |variant: &Variant| -> Vec<String> {
+        all_n.iter().map(|&n| variant.at(n).to_string()).collect()
+    };
+    let (first, second) = (keys(first), keys(second));
+    let mean = |query: &Query, keys: &[String]| -> Option<f64> {
+        let mut sum = 0.0;
+        for key in keys {
+            sum += query.answers.get(key)?.wrong(query.truth.as_deref());
+        }
+        Some(sum / keys.len() as f64)
+    };
+    if all_n.is_empty() {
+        return None;
+    }
+    PairedDifference::of(queries.iter().filter_map(|query| {
+        Some((
+            query.group.as_deref(),
+            mean(query, &first)?,
+            mean(query, &second)?,
+        ))
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::results::Answer;
+    use proptest::prelude::*;
+
+    fn near(a: f64, b: f64, tolerance: f64) -> bool {
+        (a - b).abs() <= tolerance
+    }
+
+    #[test]
+    fn wilson_has_its_known_values() {
+        // Worked out by hand: none of n gives z^2 / (n + z^2), half of n is symmetric around 0.5.
+        for (x, n, low, high) in [
+            (0.0, 60, 0.0, 0.060_17),
+            (3.0, 60, 0.017_14, 0.137_00),
+            (5.0, 10, 0.236_59, 0.763_41),
+            (10.0, 10, 0.722_47, 1.0),
+        ] {
+            let interval = wilson(x, n);
+            assert!(near(interval.low, low, 1e-4), "{x}/{n}: {interval:?}");
+            assert!(near(interval.high, high, 1e-4), "{x}/{n}: {interval:?}");
+        }
+    }
+
+    #[test]
+    fn bootstrap_is_near_the_binomial_and_near_wilson() {
+        let sample = Sample::new((0..400).map(|i| f64::from(i % 4 == 0)));
+        let interval = sample.interval();
+        let half = Z * (0.25 * 0.75 / 400.0_f64).sqrt();
+        assert!(near(interval.low, 0.25 - half, 0.006), "{interval:?}");
+        assert!(near(interval.high, 0.25 + half, 0.006), "{interval:?}");
+        let check = wilson(100.0, 400);
+        assert!(near(interval.low, check.low, 0.01) && near(interval.high, check.high, 0.01));
+    }
+
+    #[test]
+    fn the_interval_covers_the_truth_as_often_as_it_says() {
+        let (p, trials) = (0.2, 300);
+        let mut random = SplitMix64(7);
+        let covered = (0..trials)
+            .filter(|_| {
+                let draw = |_| f64::from((random.next() >> 11) as f64 / (1_u64 << 53) as f64 <= p);
+                let sample = Sample::new((0..120).map(draw));
+                sample.rate_interval().contains(p)
+            })
+            .count();
+        let share = covered as f64 / f64::from(trials);
+        assert!((0.90..=0.985).contains(&share), "{share}");
+    }
+
+    #[test]
+    fn never_wrong_is_no_certainty() {
+        let interval = Sample::new([0.0; 60]).rate_interval();
+        assert_eq!(interval.low, 0.0);
+        assert!(near(interval.high, 0.0602, 1e-3));
+        let interval = Sample::grouped((0..60).map(|_| (Some("one hour"), 0.0))).rate_interval();
+        assert!(
+            interval.high > 0.5,
+            "60 images of one hour are one observation"
+        );
+    }
+
+    #[test]
+    fn groups_that_are_alike_widen_the_interval() {
+        let names: Vec<String> = (0..20).map(|i| i.to_string()).collect();
+        let values = || (0..400).map(|i| (i / 20, f64::from(i / 20 % 2)));
+        let alone = Sample::new(values().map(|(_, value)| value)).interval();
+        let grouped = Sample::grouped(values().map(|(i, v)| (Some(names[i as usize].as_str()), v)))
+            .interval();
+        assert!(grouped.high - grouped.low > 3.0 * (alone.high - alone.low));
+    }
+
+    #[test]
+    fn quantiles_interpolate() {
+        assert_eq!(quantile(&[], 0.5), None);
+        assert_eq!(quantile(&[3.0, 1.0, 2.0], 0.5), Some(2.0));
+        assert_eq!(quantile(&[4.0, 1.0, 2.0, 3.0], 0.5), Some(2.5));
+        let (p50, p99) = p50_p99(&(0..=100).map(f64::from).collect::<Vec<_>>());
+        assert_eq!((p50, p99), (50.0, 99.0));
+    }
+
+    #[test]
+    fn reobservation_leaves_out_queries_without_features() {
+        assert_eq!(reobservation_percent([(0, 0)]), None);
+        let estimate = reobservation_percent([(5, 10), (0, 0), (10, 10)]).unwrap();
+        assert_eq!(estimate.mean, 75.0);
+        assert!(estimate.interval.contains(75.0));
+    }
+
+    fn query(id: usize, truth: &str, answers: &[(&str, &[&str])]) -> Query {
+        let answer = |places: &[&str]| Answer {
+            first: places.first().map(ToString::to_string),
+            decision: places
+                .first()
+                .map_or(Decision::Unknown, |place| Decision::At((*place).to_owned())),
+            posterior: BTreeMap::new(),
+            ties: if places.len() > 1 {
+                places.iter().map(ToString::to_string).collect()
+            } else {
+                Vec::new()
+            },
+        };
+        Query {
+            id: id.to_string(),
+            truth: Some(truth.to_owned()),
+            group: None,
+            answers: answers
+                .iter()
+                .map(|(key, places)| ((*key).to_owned(), answer(places)))
+                .collect(),
+        }
+    }
+
+    const FIRST: &str = "lttl/static/mean/count/0/5";
+    const SECOND: &str = "lttl/fremen/annual/count/1/5";
+
+    fn queries() -> Vec<Query> {
+        vec![
+            query(0, "a", &[(FIRST, &["b"]), (SECOND, &["a"])]),
+            query(1, "a", &[(FIRST, &["a", "b"]), (SECOND, &["a"])]),
+            query(2, "b", &[(FIRST, &["b"]), (SECOND, &["a"])]),
+            query(3, "b", &[(FIRST, &[]), (SECOND, &["b"])]),
+        ]
+    }
+
+    #[test]
+    fn a_tally_splits_ties() {
+        let key: RowKey = FIRST.parse().unwrap();
+        let tally = Tally::of(&queries(), &key, false);
+        assert_eq!((tally.queries, tally.tied, tally.unknown), (4, 1, 0));
+        assert_eq!((tally.wrong, tally.wrong_percent.mean), (2.5, 62.5));
+        assert_eq!(Tally::of(&queries(), &key, true).unknown, 1);
+        let row = tally.into_row(&key, true);
+        assert_eq!(
+            (row.correct, row.wrong_percent(), row.key()),
+            (1.5, 62.5, key)
+        );
+    }
+
+    #[test]
+    fn pairs_count_who_is_better() {
+        let (first, second) = (FIRST.parse().unwrap(), SECOND.parse().unwrap());
+        let pair = PairedDifference::between(&queries(), &first, &second).unwrap();
+        assert_eq!(
+            (pair.num_paired, pair.num_better, pair.num_worse),
+            (4, 3, 1)
+        );
+        assert_eq!((pair.first_percent, pair.second_percent), (62.5, 25.0));
+        assert_eq!(pair.points.mean, -37.5);
+        let over_n = paired_over_n(&queries(), &first.variant, &second.variant, &[5]).unwrap();
+        assert_eq!(over_n, pair);
+        assert!(paired_over_n(&queries(), &first.variant, &second.variant, &[5, 10]).is_none());
+        assert!(paired_over_n(&queries(), &first.variant, &second.variant, &[]).is_none());
+    }
+
+    #[test]
+    fn confusion_splits_ties_and_counts_silence() {
+        let confusion = Confusion::of(&queries(), &FIRST.parse().unwrap());
+        assert_eq!(confusion.places, ["a", "b"]);
+        assert_eq!(confusion.counts, [vec![0.5, 1.5], vec![0.0, 1.0]]);
+        assert_eq!(confusion.no_answer, [0.0, 1.0]);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+
+        #[test]
+        fn an_interval_contains_its_mean_and_stays_in_range(
+            values in prop::collection::vec(0.0..=1.0_f64, 1..80)
+        ) {
+            let sample = Sample::new(values.iter().copied());
+            let rate = sample.rate();
+            prop_assert!(rate.interval.contains(rate.mean));
+            prop_assert!(rate.interval.low >= 0.0 && rate.interval.high <= 1.0);
+            prop_assert_eq!(sample.interval(), Sample::new(values).interval(), "same draws");
+        }
+
+        #[test]
+        fn wilson_is_symmetric_and_contains_the_share(num in 1_usize..500, share in 0.0..=1.0_f64) {
+            let successes = (share * num as f64).round();
+            let interval = wilson(successes, num);
+            let mirrored = wilson(num as f64 - successes, num);
+            prop_assert!(interval.contains(successes / num as f64));
+            prop_assert!(near(interval.low, 1.0 - mirrored.high, 1e-12));
+        }
+
+        #[test]
+        fn swapping_the_two_sides_mirrors_the_difference(
+            pairs in prop::collection::vec((0_u8..=1, 0_u8..=1), 1..60)
+        ) {
+            let pair = |(a, b): &(u8, u8)| (None, f64::from(*a), f64::from(*b));
+            let swap = |(a, b): &(u8, u8)| (None, f64::from(*b), f64::from(*a));
+            let forth = PairedDifference::of(pairs.iter().map(pair)).unwrap();
+            let back = PairedDifference::of(pairs.iter().map(swap)).unwrap();
+            prop_assert!(near(forth.points.mean, -back.points.mean, 1e-9));
+            prop_assert!(near(forth.points.interval.low, -back.points.interval.high, 1e-9));
+            prop_assert_eq!(forth.num_better, back.num_worse);
+            prop_assert!(forth.points.interval.contains(forth.points.mean));
+        }
+
+        #[test]
+        fn a_group_per_query_is_no_group(values in prop::collection::vec(0.0..=1.0_f64, 1..40)) {
+            let names: Vec<String> = (0..values.len()).map(|i| i.to_string()).collect();
+            let grouped = Sample::grouped(
+                names.iter().map(String::as_str).map(Some).zip(values.iter().copied()),
+            );
+            prop_assert_eq!(grouped.interval(), Sample::new(values).interval());
+        }
+
+        #[test]
+        fn quantiles_lie_between_the_ends(values in prop::collection::vec(-9.0..9.0_f64, 1..40), q in 0.0..=1.0_f64) {
+            let value = quantile(&values, q).unwrap();
+            let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+            let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            prop_assert!((low..=high).contains(&value));
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! How is a suite run, from a name to finished files?
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
+use chronotope::dataset::{Dataset, Manifest};
+use chronotope::feature::{StarBrief, StarBriefConfig};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::harness::{Fold, Tallies, folds};
+use crate::material::Material;
+use crate::metrics::PairedDifference;
+use crate::results::{SuiteResults, Variant};
+use crate::suite::{Protocol, Suite};
+
+/// Where a run reads and writes.
+#[derive(Clone, Debug)]
+pub struct RunOptions {
+    /// The folder that holds the dataset, or the folders of several.
+    pub data: Option<PathBuf>,
+    /// Where results go; created if missing.
+    pub out: PathBuf,
+    /// Where extracted features are kept from run to run.
+    pub cache: PathBuf,
+    /// The command line, for the report.
+    pub command: String,
+}
+
+/// Runs a suite and gives its results; a synthetic suite also those of its control world.
+pub fn run(suite: &Suite, options: &RunOptions) -> Result<Vec<SuiteResults>> {
+    let mut all = match &suite.protocol {
+        Protocol::Synthetic {
+            num_seeds,
+            num_learn,
+            num_query,
+        } => {
+            let plan = Worlds {
+                num_seeds: *num_seeds,
+                num_learn: *num_learn,
+                num_query: *num_query,
+            };
+            let mut main = plan.run(suite, true)?;
+            let mut control = plan.run(suite, false)?;
+            control.suite = format!("{}-control", suite.name);
+            main.notes.extend(against_static(&main, "FreMEn against static"));
+            main.notes.extend(against_static(
+                &control,
+                "The same in the control world, in which nothing depends on time",
+            ));
+            control.notes.extend(against_static(&control, "FreMEn against static"));
+            vec![main, control]
+        }
+        _ => vec![run_images(suite, options)?],
+    };
+    for results in &mut all {
+        results.commit = commit();
+        results.machine = machine();
+        results.command.clone_from(&options.command);
+    }
+    Ok(all)
+}
+
+fn run_images(suite: &Suite, options: &RunOptions) -> Result<SuiteResults> {
+    let manifest = Manifest::find_builtin(&suite.dataset)?;
+    let data = options.data.as_deref().with_context(|| {
+        format!(
+            "suite `{}` needs images: name the folder of `{}` with --data DIR or the variable \
+             CHRONOTOPE_DATA",
+            suite.name, suite.dataset
+        )
+    })?;
+    let dataset = Dataset::open_with(&manifest, data)?;
+    let mut results = SuiteResults::new(&suite.name, &dataset.name);
+    results.dataset_sha256 = dataset.sha256();
+    let bar = progress(dataset.entries.len(), "features");
+    let material = Material::new(dataset, &extractor()?, Some(&options.cache), &|| bar.inc(1))?;
+    bar.finish_and_clear();
+    let folds = folds(&suite.protocol, &material.dataset, Some(&manifest))?;
+    results.split = describe(&suite.protocol, &folds);
+    let mut tallies = Tallies::new(suite);
+    let bar = progress(folds.len() * suite.arms.len(), "folds");
+    tallies.add(&material, &folds, None, &|| bar.inc(1))?;
+    bar.finish_and_clear();
+    tallies.finish(&mut results);
+    results.notes.extend(material.dataset.problems.iter().map(ToString::to_string));
+    Ok(results)
+}
+
+struct Worlds {
+    num_seeds: u64,
+    num_learn: usize,
+    num_query: usize,
+}
+
+impl Worlds {
+    fn run(&self, suite: &Suite, rhythms: bool) -> Result<SuiteResults> {
+        let name = if rhythms { "synthetic" } else { "synthetic-control" };
+        let mut results = SuiteResults::new(&suite.name, name);
+        let extractor = extractor()?;
+        let mut tallies = Tallies::new(suite);
+        let mut digest = String::new();
+        let bar = progress(self.num_seeds as usize, name);
+        for seed in 1..=self.num_seeds {
+            let world = World::new(&WorldConfig::new(seed).rhythms(rhythms))?;
+            let schedule = Schedule::standard(seed, self.num_learn, self.num_query);
+            let all: Vec<_> = [&schedule.learn[..], &schedule.query[..]].concat();
+            let dataset = world.dataset(name, &all);
+            digest.push_str(&dataset.sha256());
+            let material = Material::new(dataset, &extractor, None, &|| {})?;
+            let split = schedule.query.first().copied().unwrap_or_default();
+            let (query, learn) = (0..material.dataset.entries.len())
+                .partition(|&i| material.dataset.entries[i].time >= split);
+            let fold = Fold { learn, query };
+            tallies.add(&material, &[fold], Some(&format!("seed {seed:02}")), &|| {})?;
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        tallies.finish(&mut results);
+        results.dataset_sha256 = sha256(digest.as_bytes());
+        results.split = format!(
+            "{} worlds (seeds 1 to {}): {} rounds in 2023 learnt, {} rounds in 2024 asked for",
+            self.num_seeds, self.num_seeds, self.num_learn, self.num_query
+        );
+        Ok(results)
+    }
+}
+
+/// The sentence that compares the default `fremen` with `static` at n = 30 and 50, per query.
+fn against_static(results: &SuiteResults, title: &str) -> Option<String> {
+    let fremen = results.default_variant()?;
+    let fixed = Variant {
+        method: "static".into(),
+        model: "mean".into(),
+        order: crate::results::Order::Fixed(0),
+        ..fremen.clone()
+    };
+    let said: Vec<String> = [30, 50]
+        .into_iter()
+        .filter_map(|n| {
+            let paired = PairedDifference::between(&results.queries, &fremen.at(n), &fixed.at(n))?;
+            Some(format!(
+                "at n = {n} {:.1} % wrong instead of {:.1} % ({:+.1} points, 95 % interval {:+.1} to {:+.1})",
+                paired.first_percent,
+                paired.second_percent,
+                paired.points.mean,
+                paired.points.interval.low,
+                paired.points.interval.high
+            ))
+        })
+        .collect();
+    (!said.is_empty()).then(|| format!("{title}: {}", said.join("; ")))
+}
+
+fn describe(protocol: &Protocol, folds: &[Fold]) -> String {
+    let queries: usize = folds.iter().map(|fold| fold.query.len()).sum();
+    match protocol {
+        Protocol::LeaveOneVisitOut => format!(
+            "each of {} visits left out once: learn the others, {queries} queries in all",
+            folds.len()
+        ),
+        _ => format!(
+            "{} images learnt, {queries} later ones asked for",
+            folds.iter().map(|fold| fold.learn.len()).sum::<usize>()
+        ),
+    }
+}
+
+fn extractor() -> Result<StarBrief> {
+    Ok(StarBrief::new(StarBriefConfig::default())?)
+}
+
+/// A bar on stderr, hidden where that is no terminal.
+fn progress(len: usize, what: &'static str) -> ProgressBar {
+    let style = ProgressStyle::with_template("{msg:>12} {bar:40} {pos}/{len} {eta} left")
+        .unwrap_or_else(|_| ProgressStyle::default_bar());
+    ProgressBar::new(len as u64).with_style(style).with_message(what)
+}
+
+/// Processor, kernel and threads.
+pub fn machine() -> String {
+    let cpuinfo = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = (cpuinfo.lines())
+        .find_map(|line| line.strip_prefix("model name")?.split_once(':'))
+        .map_or("unknown processor", |(_, model)| model.trim());
+    format!(
+        "{model}, {} kernel, {} threads",
+        chronotope::simd::Kernel::best().name(),
+        rayon::current_num_threads()
+    )
+}
+
+/// The revision of the working directory's repository, `+` if it has uncommitted changes.
+fn commit() -> String {
+    let git = |args: &[&str]| {
+        let output = std::process::Command::new("git")
+            .arg("-C")
+            .arg(Path::new(env!("CARGO_MANIFEST_DIR")))
+            .args(args)
+            .output()
+            .ok()?;
+        (output.status.success()).then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
+    };
+    match git(&["rev-parse", "--short=12", "HEAD"]) {
+        Some(head) if git(&["status", "--porcelain"]).is_some_and(|s| s.is_empty()) => head,
+        Some(head) => format!("{head}+"),
+        None => format!("version {}", env!("CARGO_PKG_VERSION")),
+    }
+}
+
+fn sha256(bytes: &[u8]) -> String {
+    use sha2::{Digest, Sha256};
+    (Sha256::digest(bytes).iter()).map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,0 +1,241 @@
+//! What is measured on what?
+//!
+//! A suite is a TOML file in `eval/suites/` (embedded here): a dataset, a protocol that keeps queries
+//! apart from what is learnt, the numbers of features n, and *arms*: a preset with the methods, models
+//! and scores to run it with. Suites hold no results and no thresholds.
+
+use chronotope::localize::{LocalizerConfig, Method, Preset, Score};
+use chronotope::visibility::VisibilityConfig;
+use chronotope::{Error, ErrorKind, Period, Result};
+use serde::Deserialize;
+
+use crate::results::{Order, Variant};
+
+/// The numbers of features a place that every suite runs unless it says otherwise.
+const SIZES: [usize; 13] = [5, 10, 15, 20, 25, 30, 40, 50, 75, 100, 150, 200, 300];
+
+const BUILTIN: &[(&str, &str)] = &[
+    ("stromovka-loo", include_str!("../suites/stromovka-loo.toml")),
+    ("stromovka-split", include_str!("../suites/stromovka-split.toml")),
+    ("michigan-loo", include_str!("../suites/michigan-loo.toml")),
+    ("lasvegas", include_str!("../suites/lasvegas.toml")),
+    ("tilde", include_str!("../suites/tilde.toml")),
+    ("synthetic", include_str!("../suites/synthetic.toml")),
+];
+
+/// One suite.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Suite {
+    /// Its name in commands and files.
+    #[serde(skip)]
+    pub name: String,
+    /// What it asks, in one line.
+    pub title: String,
+    /// A manifest in `datasets/`, or `synthetic`.
+    pub dataset: String,
+    /// How queries are kept apart from what is learnt.
+    pub protocol: Protocol,
+    /// Numbers of features a place, ascending.
+    #[serde(default = "default_sizes")]
+    pub sizes: Vec<usize>,
+    /// Whether only re-observation is judged, because telling the places apart is too easy.
+    #[serde(default)]
+    pub visibility_only: bool,
+    /// What is run.
+    pub arms: Vec<Arm>,
+}
+
+fn default_sizes() -> Vec<usize> {
+    SIZES.to_vec()
+}
+
+/// How queries are kept apart from what is learnt.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", tag = "kind", deny_unknown_fields)]
+pub enum Protocol {
+    /// For each visit number, learn every other visit of each place and ask for that one.
+    LeaveOneVisitOut,
+    /// Learn what is before the manifest's split, ask for what is after it.
+    Split,
+    /// Worlds of these seeds, each with and without rhythms.
+    #[serde(rename_all = "kebab-case")]
+    Synthetic {
+        /// Seeds `1..=num-seeds`.
+        num_seeds: u64,
+        /// Visits of each place that are learnt.
+        num_learn: usize,
+        /// Visits of each place that are asked for.
+        num_query: usize,
+    },
+}
+
+/// One preset with what it is run with.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Arm {
+    /// The configuration of learning and localising.
+    pub preset: Preset,
+    /// The methods; those that need a time are left out where the dataset has no clock.
+    #[serde(default = "all_methods")]
+    pub methods: Vec<Method>,
+    /// What places are ranked by.
+    pub scores: Vec<Score>,
+    /// The models of `fremen`; the first one, at its first order, also serves `freex`.
+    #[serde(default)]
+    pub models: Vec<Model>,
+    /// Where given, the time of a place's i-th visit is i times this many seconds, as in the reference
+    /// benchmark, which knows the month of a visit only.
+    pub visit_clock_s: Option<f64>,
+}
+
+fn all_methods() -> Vec<Method> {
+    Method::ALL.to_vec()
+}
+
+/// A visibility model at several orders.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Model {
+    /// Its name in tables.
+    pub name: String,
+    /// The candidate periods; those of the preset where left out, with the preset's guards.
+    pub candidates: Option<chronotope::spectrum::CandidatePeriods>,
+    /// How many of them a feature may follow.
+    pub orders: Vec<usize>,
+}
+
+/// One thing to run, for all scores and all n.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// How to localise; its score is the first of the arm's.
+    pub localizer: LocalizerConfig,
+    /// Its name in tables, without score.
+    pub model: String,
+    /// Components of the model.
+    pub order: u32,
+}
+
+impl Run {
+    /// The name of this run's rows for one score.
+    pub fn variant(&self, preset: Preset, score: Score) -> Variant {
+        Variant {
+            preset: preset.name().into(),
+            method: self.localizer.method().name().into(),
+            model: self.model.clone(),
+            score: score.name().into(),
+            order: Order::Fixed(self.order),
+        }
+    }
+}
+
+impl Suite {
+    /// The suites that come with this program: name and text.
+    pub fn builtin() -> impl Iterator<Item = Result<Self>> {
+        BUILTIN.iter().map(|(name, text)| Self::parse(name, text))
+    }
+
+    /// The suite called `name`.
+    pub fn find(name: &str) -> Result<Self> {
+        match BUILTIN.iter().find(|(known, _)| *known == name) {
+            Some((name, text)) => Self::parse(name, text),
+            None => Err(Error::new(
+                ErrorKind::Config,
+                format!("there is no suite `{name}`"),
+            )
+            .with_help("`chronotope-eval list` shows all")),
+        }
+    }
+
+    fn parse(name: &str, text: &str) -> Result<Self> {
+        let mut suite: Self = toml::from_str(text).map_err(|cause| {
+            Error::new(ErrorKind::Config, cause.to_string()).with_path(format!("{name}.toml"))
+        })?;
+        name.clone_into(&mut suite.name);
+        Ok(suite)
+    }
+}
+
+impl Arm {
+    /// The time between visits, where visits are numbered instead of dated.
+    pub fn visit_clock(&self) -> Result<Option<Period>> {
+        self.visit_clock_s.map(Period::from_s).transpose()
+    }
+
+    /// Everything to run, in the order of tables; without a clock, only what needs no time.
+    pub fn runs(&self, has_clock: bool) -> Vec<Run> {
+        let mut runs = Vec::new();
+        for &method in &self.methods {
+            if method.needs_time() && !has_clock {
+                continue;
+            }
+            let base = LocalizerConfig::preset(self.preset).with_method(method);
+            let base = match self.scores.first() {
+                Some(&score) => base.with_score(score),
+                None => base,
+            };
+            match method {
+                Method::Static => runs.push(Run {
+                    localizer: base.with_visibility(VisibilityConfig::mean()),
+                    model: "mean".into(),
+                    order: 0,
+                }),
+                Method::Experience | Method::ExperienceAll => runs.push(Run {
+                    localizer: base,
+                    model: "none".into(),
+                    order: 0,
+                }),
+                Method::Fremen | Method::Freex => {
+                    let all = self.models.iter().flat_map(|model| {
+                        let orders = model.orders.iter();
+                        orders.map(move |&order| (model, order))
+                    });
+                    let wanted = if method == Method::Freex { 1 } else { usize::MAX };
+                    runs.extend(all.take(wanted).map(|(model, order)| Run {
+                        localizer: base.clone().with_visibility(model.visibility(&base, order)),
+                        model: model.name.clone(),
+                        order: order as u32,
+                    }));
+                }
+            }
+        }
+        runs
+    }
+}
+
+impl Model {
+    fn visibility(&self, base: &LocalizerConfig, order: usize) -> VisibilityConfig {
+        match &self.candidates {
+            Some(candidates) => VisibilityConfig::fremen(
+                candidates.clone(),
+                chronotope::visibility::Order::Fixed(order),
+            ),
+            None => base.visibility().clone().with_order(order),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_suite_that_comes_with_the_program_reads_and_runs_something() {
+        for suite in Suite::builtin() {
+            let suite = suite.unwrap();
+            for arm in &suite.arms {
+                assert!(!arm.runs(true).is_empty(), "{}", suite.name);
+                assert!(!arm.scores.is_empty(), "{}", suite.name);
+            }
+            assert!(suite.sizes.is_sorted(), "{}", suite.name);
+        }
+    }
+
+    #[test]
+    fn without_a_clock_no_method_asks_for_the_time() {
+        let suite = Suite::find("stromovka-loo").unwrap();
+        let runs = suite.arms[0].runs(false);
+        assert!(runs.iter().all(|run| !run.localizer.method().needs_time()));
+        assert!(runs.len() >= 3);
+    }
+}

@@ -1,0 +1,273 @@
+//! What does a run say at a glance, in a terminal of 100 columns?
+//!
+//! Two blocks: wrong answers in % over n for every method, and for a chosen n the same with
+//! intervals, re-observation, cost in compared pairs and time. Rows are grouped by preset and score,
+//! so that lines next to each other may be compared.
+
+use std::fmt::Write as _;
+
+use crate::results::{Row, SuiteResults, Variant};
+
+/// Columns of the methods' names.
+const NAME_WIDTH: usize = 33;
+
+/// The n whose intervals are shown unless told otherwise.
+const DETAIL_N: u32 = 50;
+
+/// Largest number of n that fit beside the names.
+const MAX_N_COLUMNS: usize = 13;
+
+/// The n to show in detail: 50 where the run has it, else the middle one; `None` without rows.
+pub fn detail_n(results: &SuiteResults) -> Option<u32> {
+    let all = results.all_n();
+    all.contains(&DETAIL_N)
+        .then_some(DETAIL_N)
+        .or_else(|| all.get(all.len() / 2).copied())
+}
+
+/// A count with few digits: `987`, `12.3k`, `4.5M`.
+pub(crate) fn short_count(count: f64) -> String {
+    match count {
+        c if c < 9_999.5 => format!("{c:.0}"),
+        c if c < 999_950.0 => format!("{:.1}k", c / 1e3),
+        c => format!("{:.1}M", c / 1e6),
+    }
+}
+
+/// Milliseconds with three digits or fewer.
+pub(crate) fn short_ms(ms: f64) -> String {
+    match ms {
+        ms if ms < 0.0995 => format!("{ms:.3}"),
+        ms if ms < 9.95 => format!("{ms:.2}"),
+        ms if ms < 99.5 => format!("{ms:.1}"),
+        ms => format!("{ms:.0}"),
+    }
+}
+
+/// The header of a run: what was measured on what, and how to measure it again.
+pub(crate) fn header_lines(results: &SuiteResults) -> Vec<(&'static str, String)> {
+    let count = |num: Option<u32>, what: &str| num.map(|num| format!("{num} {what}"));
+    let size = [
+        Some(format!("{} queries", results.queries.len())),
+        count(results.num_places, "places"),
+        count(results.num_learnt_images, "images learnt"),
+        count(results.num_broken_images, "unusable images left out"),
+    ];
+    let leak = results
+        .leak_check
+        .as_ref()
+        .map_or_else(String::new, |check| {
+            let mut text = format!(
+                "{} images digested, {} twins of queries removed from learning",
+                check.num_checked, check.num_removed
+            );
+            if !check.note.is_empty() {
+                let _ = write!(text, "; {}", check.note);
+            }
+            text
+        });
+    let lines = [
+        ("Dataset", results.dataset.clone()),
+        (
+            "Size",
+            size.into_iter().flatten().collect::<Vec<_>>().join(", "),
+        ),
+        ("Split", results.split.clone()),
+        ("Leak check", leak),
+        ("Clock", results.clock.clone()),
+        ("Digest", results.dataset_sha256.clone()),
+        ("Commit", results.commit.clone()),
+        ("Machine", results.machine.clone()),
+        ("Command", results.command.clone()),
+    ];
+    lines
+        .into_iter()
+        .filter(|(_, text)| !text.is_empty())
+        .collect()
+}
+
+/// The run as text, at most 100 columns wide (the header's own values aside).
+///
+/// `n` chooses the row that is shown in detail; `None` takes [`detail_n`].
+pub fn render(results: &SuiteResults, n: Option<u32>) -> String {
+    let mut text = format!("Suite {}\n", results.suite);
+    for (name, value) in header_lines(results) {
+        let _ = writeln!(text, "  {name:<11}{value}");
+    }
+    for note in &results.notes {
+        let _ = writeln!(text, "  {:<11}{note}", "Note");
+    }
+    let Some(n) = n.or_else(|| detail_n(results)) else {
+        text.push_str("\nNo rows.\n");
+        return text;
+    };
+    over_n(&mut text, results);
+    at_n(&mut text, results, n);
+    if results.rows.iter().any(|row| row.is_default) {
+        text.push_str("\n* the shipped default configuration\n");
+    }
+    text
+}
+
+fn over_n(text: &mut String, results: &SuiteResults) {
+    for (block, all_n) in results.all_n().chunks(MAX_N_COLUMNS).enumerate() {
+        let more = if block == 0 { "" } else { ", continued" };
+        let _ = write!(
+            text,
+            "\nWrong answers in %, ties split, over n features per place{more}\n{:<NAME_WIDTH$}",
+            "method model order        n ="
+        );
+        for n in all_n {
+            let _ = write!(text, "{n:>5}");
+        }
+        text.push('\n');
+        for_each_variant(text, results, |text, variant| {
+            for &n in all_n {
+                let cell = results
+                    .row(&variant.at(n))
+                    .map_or_else(|| "-".to_owned(), short_percent);
+                let _ = write!(text, "{cell:>5}");
+            }
+        });
+    }
+}
+
+fn short_percent(row: &Row) -> String {
+    let percent = row.wrong_percent();
+    if percent >= 99.95 {
+        "100".to_owned()
+    } else {
+        format!("{percent:.1}")
+    }
+}
+
+fn at_n(text: &mut String, results: &SuiteResults, n: u32) {
+    let _ = writeln!(text, "\nAt n = {n}, with 95 % bootstrap intervals");
+    let _ = writeln!(
+        text,
+        "{:<NAME_WIDTH$}{:>7} {:>15}{:>5}{:>8}{:>9}{:>8}{:>8}",
+        "method model order", "wrong %", "interval", "tied", "re-obs%", "pairs", "ms p50", "p99"
+    );
+    for_each_variant(text, results, |text, variant| {
+        let Some(row) = results.row(&variant.at(n)) else {
+            text.push_str("      -");
+            return;
+        };
+        let interval = format!("[{:.1}, {:.1}]", row.ci_low, row.ci_high);
+        let reobserved = row
+            .reobserved
+            .map_or_else(|| "-".to_owned(), |percent| format!("{percent:.1}"));
+        let _ = write!(
+            text,
+            "{:>7.1} {interval:>15}{:>5}{reobserved:>8}{:>9}{:>8}{:>8}",
+            row.wrong_percent(),
+            row.tied,
+            short_count(row.pairs_compared),
+            short_ms(row.ms_p50),
+            short_ms(row.ms_p99)
+        );
+    });
+}
+
+/// Writes one line per variant under headings of preset and score.
+fn for_each_variant(
+    text: &mut String,
+    results: &SuiteResults,
+    mut cells: impl FnMut(&mut String, &Variant),
+) {
+    let default = results.default_variant();
+    for (preset, score, variants) in grouped(results) {
+        let _ = writeln!(text, "preset {preset}, score {score}");
+        for variant in variants {
+            let mark = if Some(&variant) == default.as_ref() {
+                '*'
+            } else {
+                ' '
+            };
+            let name = format!("{mark} {}", short_name(&variant));
+            let _ = write!(text, "{:<NAME_WIDTH$}", clip(&name, NAME_WIDTH - 1));
+            cells(text, &variant);
+            text.push('\n');
+        }
+    }
+}
+
+/// Variants by preset and score, each in the order of the first row.
+pub(crate) fn grouped(results: &SuiteResults) -> Vec<(String, String, Vec<Variant>)> {
+    let mut groups: Vec<(String, String, Vec<Variant>)> = Vec::new();
+    for variant in results.variants() {
+        let same = groups
+            .iter_mut()
+            .find(|(preset, score, _)| *preset == variant.preset && *score == variant.score);
+        match same {
+            Some((_, _, variants)) => variants.push(variant),
+            None => groups.push((variant.preset.clone(), variant.score.clone(), vec![variant])),
+        }
+    }
+    groups
+}
+
+/// Method, model and order.
+pub(crate) fn short_name(variant: &Variant) -> String {
+    format!("{} {} {}", variant.method, variant.model, variant.order)
+}
+
+fn clip(text: &str, width: usize) -> String {
+    if text.chars().count() <= width {
+        return text.to_owned();
+    }
+    let mut clipped: String = text.chars().take(width - 1).collect();
+    clipped.push('…');
+    clipped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample::sample_results;
+
+    #[test]
+    fn fits_into_100_columns_and_names_every_row() {
+        let results = sample_results();
+        let text = render(&results, None);
+        let (header, body) = text.split_once("\n\n").unwrap();
+        assert!(header.contains(&results.command) && header.contains("queries"));
+        for line in body.lines() {
+            assert!(line.chars().count() <= 100, "{line}");
+        }
+        for variant in results.variants() {
+            assert!(body.contains(&variant.method), "{variant}");
+        }
+        assert!(
+            body.contains("At n = 50") && body.contains("\n* "),
+            "{body}"
+        );
+        assert!(render(&results, Some(30)).contains("At n = 30"));
+    }
+
+    #[test]
+    fn an_empty_run_says_so() {
+        let text = render(&SuiteResults::new("tiny", "made up"), None);
+        assert!(text.contains("No rows"), "{text}");
+    }
+
+    #[test]
+    fn short_numbers_stay_short() {
+        for (count, text) in [
+            (7.0, "7"),
+            (9_999.0, "9999"),
+            (12_345.0, "12.3k"),
+            (2.5e6, "2.5M"),
+        ] {
+            assert_eq!(short_count(count), text);
+        }
+        for (ms, text) in [
+            (0.0123, "0.012"),
+            (1.234, "1.23"),
+            (45.67, "45.7"),
+            (1234.0, "1234"),
+        ] {
+            assert_eq!(short_ms(ms), text);
+        }
+    }
+}

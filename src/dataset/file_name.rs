@@ -1,0 +1,223 @@
+//! When was an image with this file name taken?
+//!
+//! A [`NamePattern`] is text with fields in braces, matched with a file's name without folders and
+//! extension: `{year:4}-{month:2}-{day:2}T{hour:2}_{minute:2}_{second:2}`. A field is a run of decimal
+//! digits: exactly as many as the number after the colon, or else as many as there are. `*` stands for
+//! any text. Fields: `year`, `month`, `day`, `hour`, `minute`, `second` (of a moment in UTC),
+//! `unix_s` and `unix_us` (since 1970), `visit` (a number that the time rule turns into a time) and
+//! `place` (a number, ignored here).
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::time::Time;
+
+const FIELDS: [&str; 10] = [
+    "year", "month", "day", "hour", "minute", "second", "unix_s", "unix_us", "visit", "place",
+];
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Part {
+    Literal(String),
+    /// Index into [`FIELDS`] and number of digits.
+    Field(usize, Option<usize>),
+    Anything,
+}
+
+/// A pattern of file names that contain a time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct NamePattern(Vec<Part>);
+
+/// What a file name says about its time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Moment {
+    At(Time),
+    Visit(i64),
+}
+
+impl NamePattern {
+    pub(super) fn parse(pattern: &str) -> Result<Self> {
+        let bad = |message: String| {
+            Error::new(
+                ErrorKind::Config,
+                format!("the file name pattern `{pattern}` {message}"),
+            )
+            .with_help("an example: {year:4}{month:2}{day:2}_{hour:2}{minute:2}{second:2}")
+        };
+        let mut parts = Vec::new();
+        let mut rest = pattern;
+        while let Some(start) = rest.find(['{', '*']) {
+            if start > 0 {
+                parts.push(Part::Literal(rest[..start].into()));
+            }
+            if rest[start..].starts_with('*') {
+                parts.push(Part::Anything);
+                rest = &rest[start + 1..];
+                continue;
+            }
+            let end = rest[start..]
+                .find('}')
+                .ok_or_else(|| bad("opens a brace and does not close it".into()))?
+                + start;
+            let (name, digits) = match rest[start + 1..end].split_once(':') {
+                Some((name, digits)) => {
+                    let digits = digits
+                        .parse()
+                        .ok()
+                        .filter(|&digits| (1..=18).contains(&digits))
+                        .ok_or_else(|| bad(format!("asks for `{digits}` digits, not 1 to 18")))?;
+                    (name, Some(digits))
+                }
+                None => (&rest[start + 1..end], None),
+            };
+            let field = FIELDS
+                .iter()
+                .position(|&known| known == name)
+                .ok_or_else(|| {
+                    bad(format!(
+                        "has the unknown field `{name}`; the fields are {}",
+                        FIELDS.join(", ")
+                    ))
+                })?;
+            parts.push(Part::Field(field, digits));
+            rest = &rest[end + 1..];
+        }
+        if !rest.is_empty() {
+            parts.push(Part::Literal(rest.into()));
+        }
+        let pattern = Self(parts);
+        let says_when = (pattern.has("year") && pattern.has("month") && pattern.has("day"))
+            || pattern.has("unix_s")
+            || pattern.has("unix_us")
+            || pattern.has("visit");
+        if says_when {
+            Ok(pattern)
+        } else {
+            Err(bad(
+                "has no time: it needs year, month and day, or unix_s, unix_us or visit".into(),
+            ))
+        }
+    }
+
+    pub(super) fn has(&self, field: &str) -> bool {
+        self.0
+            .iter()
+            .any(|part| matches!(part, Part::Field(id, _) if FIELDS[*id] == field))
+    }
+
+    /// The moment in `stem`, a file name without folders and extension.
+    pub(super) fn read(&self, stem: &str) -> Option<Moment> {
+        let mut values = [None; FIELDS.len()];
+        if !read_parts(&self.0, stem, &mut values) {
+            return None;
+        }
+        let get = |name: &str| values[FIELDS.iter().position(|&known| known == name)?];
+        if let Some(us) = get("unix_us") {
+            return Some(Moment::At(Time::from_us(us)));
+        }
+        if let Some(s) = get("unix_s") {
+            return Some(Moment::At(Time::from_s(s)));
+        }
+        if let (Some(year), Some(month), Some(day)) = (get("year"), get("month"), get("day")) {
+            let small = |value: i64| i8::try_from(value).ok();
+            let civil = jiff::civil::DateTime::new(
+                i16::try_from(year).ok()?,
+                small(month)?,
+                small(day)?,
+                small(get("hour").unwrap_or(0))?,
+                small(get("minute").unwrap_or(0))?,
+                small(get("second").unwrap_or(0))?,
+                0,
+            )
+            .ok()?;
+            let zoned = civil.to_zoned(jiff::tz::TimeZone::UTC).ok()?;
+            return Some(Moment::At(Time::from_us(
+                zoned.timestamp().as_microsecond(),
+            )));
+        }
+        get("visit").map(Moment::Visit)
+    }
+}
+
+fn read_parts(parts: &[Part], text: &str, values: &mut [Option<i64>; FIELDS.len()]) -> bool {
+    let Some((first, later)) = parts.split_first() else {
+        return text.is_empty();
+    };
+    match first {
+        Part::Literal(literal) => text
+            .strip_prefix(literal.as_str())
+            .is_some_and(|rest| read_parts(later, rest, values)),
+        Part::Field(field, digits) => {
+            let run = text.bytes().take_while(u8::is_ascii_digit).count();
+            let length = digits.unwrap_or(run);
+            if length == 0 || run < length {
+                return false;
+            }
+            let Ok(value) = text[..length].parse() else {
+                return false;
+            };
+            values[*field] = Some(value);
+            read_parts(later, &text[length..], values)
+        }
+        Part::Anything => text
+            .char_indices()
+            .map(|(start, _)| start)
+            .chain([text.len()])
+            .any(|start| read_parts(later, &text[start..], values)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(text: &str) -> Option<Moment> {
+        Some(Moment::At(Time::parse(text).unwrap()))
+    }
+
+    #[test]
+    fn reads_calendar_fields_epoch_counts_and_visits() {
+        let pattern =
+            NamePattern::parse("{year:4}-{month:2}-{day:2}T{hour:2}_{minute:2}_{second:2}")
+                .unwrap();
+        assert_eq!(
+            pattern.read("2023-06-13T03_11_46"),
+            at("2023-06-13T03:11:46Z")
+        );
+        assert_eq!(pattern.read("2023-06-13T03_11_46x"), None);
+        assert_eq!(
+            pattern.read("2023-13-13T03_11_46"),
+            None,
+            "there is no month 13"
+        );
+        assert_eq!(
+            NamePattern::parse("{unix_us}")
+                .unwrap()
+                .read("1326030975726043"),
+            at("2012-01-08T13:56:15.726043Z")
+        );
+        assert_eq!(
+            NamePattern::parse("cam*_{unix_s}")
+                .unwrap()
+                .read("cam_front_86400"),
+            at("1970-01-02T00:00:00Z")
+        );
+        assert_eq!(
+            NamePattern::parse("{visit:2}{place:2}")
+                .unwrap()
+                .read("1205"),
+            Some(Moment::Visit(12))
+        );
+    }
+
+    #[test]
+    fn refuses_patterns_that_say_no_time() {
+        for (pattern, message) in [
+            ("{year:4}", "has no time"),
+            ("{yaer:4}", "unknown field `yaer`"),
+            ("{visit", "does not close"),
+            ("{visit:0}", "`0` digits"),
+        ] {
+            let error = NamePattern::parse(pattern).unwrap_err().to_string();
+            assert!(error.contains(message), "{error}");
+        }
+    }
+}

@@ -1,0 +1,759 @@
+//! What is this dataset, whose is it, and what do its files and times mean?
+//!
+//! A [`Manifest`] is a TOML file (schema: `datasets/README.md`). The manifests of the supported
+//! datasets are part of the program, so that a dataset's name is enough to read it.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use jiff::{Span, Timestamp, tz::TimeZone};
+use serde::{Deserialize, Deserializer};
+use sha2::{Digest, Sha256};
+
+use super::file_image::Turn;
+use super::file_name::{Moment, NamePattern};
+use super::{Clock, Dataset, Entry, Problem, hex, layout, table};
+use crate::error::{Error, ErrorKind, Result};
+use crate::feature::Rect;
+use crate::map::PlaceKey;
+use crate::time::{Period, Time};
+
+const BUILTIN: [(&str, &str); 5] = [
+    (
+        "datasets/stromovka.toml",
+        include_str!("../../datasets/stromovka.toml"),
+    ),
+    (
+        "datasets/michigan.toml",
+        include_str!("../../datasets/michigan.toml"),
+    ),
+    (
+        "datasets/witham_wharf.toml",
+        include_str!("../../datasets/witham_wharf.toml"),
+    ),
+    (
+        "datasets/lasvegas.toml",
+        include_str!("../../datasets/lasvegas.toml"),
+    ),
+    (
+        "datasets/tilde.toml",
+        include_str!("../../datasets/tilde.toml"),
+    ),
+];
+
+/// The file that describes a folder from inside it.
+const FOLDER_MANIFEST: &str = "dataset.toml";
+
+/// What a dataset is, and how to read it.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct Manifest {
+    /// Short name for tables and commands.
+    pub name: String,
+    /// Other names it is known by.
+    #[serde(default)]
+    pub aliases: Vec<String>,
+    /// One line for people.
+    #[serde(default)]
+    pub title: String,
+    /// What to cite, as BibTeX.
+    #[serde(default)]
+    pub citation: String,
+    /// Under which terms it may be used, as far as they are stated.
+    #[serde(default)]
+    pub licence: String,
+    /// How to get it.
+    #[serde(default)]
+    pub obtain: String,
+    /// What to know before believing a result.
+    #[serde(default)]
+    pub known_faults: Vec<String>,
+    /// All places; an entry of any other is a [`Problem`]. Empty: any place.
+    #[serde(default)]
+    pub places: Vec<PlaceKey>,
+    /// Where the data is, relative to the manifest; its own folder if not given.
+    #[serde(default)]
+    pub data: Option<PathBuf>,
+    /// What its times mean.
+    pub time: TimeRule,
+    /// How its files are arranged; the first that fits the folder is used.
+    #[serde(default = "default_layout")]
+    pub layout: Vec<Layout>,
+    /// Which part is for learning and which for queries.
+    #[serde(default)]
+    pub split: Option<Split>,
+    /// Rectangles that must not be used, such as burnt-in text.
+    #[serde(default)]
+    pub mask: Vec<Mask>,
+    /// What intact data has.
+    #[serde(default)]
+    pub checksums: Checksums,
+}
+
+/// What the times of a dataset mean.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct TimeRule {
+    /// Whether rhythms can be learnt.
+    pub clock: Clock,
+    /// The time of visit number [`first_visit`](Self::first_visit).
+    #[serde(default, deserialize_with = "optional_time")]
+    pub origin: Option<Time>,
+    /// The time from one visit number to the next.
+    #[serde(default)]
+    pub quantum: Option<Quantum>,
+    /// The number of the visit at the origin.
+    #[serde(default)]
+    pub first_visit: i64,
+    /// Pattern of image file names that contain a time.
+    #[serde(default)]
+    pub file_name: Option<String>,
+    /// The longest rhythm worth looking for first.
+    #[serde(default, deserialize_with = "optional_period")]
+    pub base_period: Option<Period>,
+    /// IANA zone whose civil time people live by there.
+    #[serde(default)]
+    pub zone: Option<String>,
+    /// Zones of places that are elsewhere.
+    #[serde(default)]
+    pub place_zones: BTreeMap<PlaceKey, String>,
+}
+
+/// The time between two visit numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Quantum {
+    /// So many seconds.
+    Seconds(u32),
+    /// So many calendar months.
+    Months(u32),
+}
+
+/// How the files of a dataset are arranged.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+#[non_exhaustive]
+pub enum Layout {
+    /// A CSV file with `place,time,path` and more; see `datasets/README.md`.
+    Index {
+        /// Its name.
+        #[serde(default = "default_index")]
+        file: String,
+    },
+    /// `MMLL.{ppm,png,webp,jpg}`: visit MM of place LL.
+    Grief {
+        /// What precedes the place's number in its name.
+        #[serde(default = "default_place_prefix")]
+        place_prefix: String,
+    },
+    /// `training/place_N/00042.bmp`: image number times quantum after the folder's origin.
+    FreLoc {
+        /// Origins of single folders: `training` and `testing` have [`TimeRule::origin`] unless given.
+        #[serde(default, deserialize_with = "time_map")]
+        origins: BTreeMap<String, Time>,
+    },
+    /// `images/YYYY-MM-DD/lb3/CamN/<utime>.tiff` and `groundtruth_YYYY-MM-DD.csv`.
+    Nclt {
+        /// Which of the six cameras.
+        camera: u8,
+        /// A visit is a pass within this distance of a place, in metres.
+        radius_m: f64,
+        /// An image further in time than this from any pose is left out, in seconds.
+        #[serde(default = "default_pose_gap_s")]
+        max_pose_gap_s: f64,
+        /// How the raw images must be turned to stand upright, clockwise.
+        #[serde(default = "default_turn", rename = "turn_degrees")]
+        turn: Turn,
+        /// The places.
+        place: Vec<NcltPlace>,
+    },
+}
+
+/// A place of an NCLT session, in the frame of its ground truth.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NcltPlace {
+    /// Its name.
+    pub key: PlaceKey,
+    /// North, m.
+    pub x: f64,
+    /// East, m.
+    pub y: f64,
+    /// Down, m; not compared.
+    #[serde(default)]
+    pub z: f64,
+    /// Which way the robot faces, degrees; any way if not given.
+    #[serde(default)]
+    pub heading_deg: Option<f64>,
+}
+
+/// Which part is for learning and which for queries.
+///
+/// Either by time (`learn_until`, `query_from`) or by folder (`learn_folder`, `query_folder`).
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct Split {
+    /// Earlier entries are for learning.
+    #[serde(default, deserialize_with = "optional_time")]
+    pub learn_until: Option<Time>,
+    /// Entries at or after this are queries.
+    #[serde(default, deserialize_with = "optional_time")]
+    pub query_from: Option<Time>,
+    /// Entries whose id starts with this folder are for learning.
+    #[serde(default)]
+    pub learn_folder: Option<String>,
+    /// Entries whose id starts with this folder are queries.
+    #[serde(default)]
+    pub query_folder: Option<String>,
+}
+
+/// What an entry is used for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// The map is built from it.
+    Learn,
+    /// It is located.
+    Query,
+}
+
+impl Split {
+    /// What `entry` is used for, if for anything.
+    pub fn side(&self, entry: &Entry) -> Option<Side> {
+        let under = |folder: &Option<String>| {
+            folder.as_ref().is_some_and(|folder| {
+                Path::new(&entry.id).starts_with(folder.trim_end_matches('/'))
+            })
+        };
+        if self.learn_until.is_some_and(|end| entry.time < end) || under(&self.learn_folder) {
+            Some(Side::Learn)
+        } else if self.query_from.is_some_and(|start| entry.time >= start)
+            || under(&self.query_folder)
+        {
+            Some(Side::Query)
+        } else {
+            None
+        }
+    }
+}
+
+/// A rectangle of the image files that must not be used.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mask {
+    /// Only in images of this place.
+    #[serde(default)]
+    pub place: Option<PlaceKey>,
+    /// Leftmost column of the file, px.
+    pub x: u32,
+    /// Topmost row of the file, px.
+    pub y: u32,
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+/// What intact data has; SHA-256 in hexadecimal.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct Checksums {
+    /// Which copy they are of.
+    #[serde(default)]
+    pub of: String,
+    /// Of the index file.
+    #[serde(default)]
+    pub index: Option<String>,
+    /// Of the output of `sha256sum` over all image files in order of their paths.
+    #[serde(default)]
+    pub files: Option<String>,
+}
+
+impl Manifest {
+    /// Reads and checks a manifest file.
+    pub fn load(path: &Path) -> Result<Self> {
+        Self::parse(&table::read_text(path)?, path)
+    }
+
+    /// The manifest of a supported dataset by its name or another name it has.
+    pub fn find_builtin(name: &str) -> Result<Self> {
+        let mut names = Vec::new();
+        for manifest in Self::builtin() {
+            let manifest = manifest?;
+            if manifest.name == name || manifest.aliases.iter().any(|alias| alias == name) {
+                return Ok(manifest);
+            }
+            names.push(manifest.name);
+        }
+        Err(Error::new(
+            ErrorKind::Config,
+            format!("no supported dataset is called `{name}`"),
+        )
+        .with_help(format!(
+            "choose one of {}, or give a folder with an index.csv or a manifest",
+            names.join(", ")
+        )))
+    }
+
+    /// The manifests that are part of the program.
+    pub fn builtin() -> impl Iterator<Item = Result<Self>> {
+        BUILTIN
+            .iter()
+            .map(|(path, text)| Self::parse(text, Path::new(path)))
+    }
+
+    /// The manifest of `path` and the folder of its data.
+    ///
+    /// `path` is a manifest (a file), or a folder. For a folder: the `dataset.toml` inside it; or the
+    /// supported dataset whose index it has, byte for byte; or a plain manifest with the folder's name
+    /// and the layout found in it. Without a manifest, the times of an `index.csv` are taken for real
+    /// ones and numbered files have no clock.
+    pub fn locate(path: &Path) -> Result<(Self, PathBuf)> {
+        let meta = std::fs::metadata(path).map_err(|cause| {
+            Error::io(path, &cause)
+                .with_help("give a folder with an index.csv, or a manifest (*.toml)")
+        })?;
+        if !meta.is_dir() {
+            if path.extension().is_none_or(|extension| extension != "toml") {
+                return Err(Error::new(
+                    ErrorKind::Config,
+                    "this is neither a folder nor a manifest (*.toml)",
+                )
+                .with_path(path)
+                .with_help("give the folder that contains index.csv"));
+            }
+            let manifest = Self::load(path)?;
+            let folder = path.parent().unwrap_or(Path::new("."));
+            let data_dir = manifest
+                .data
+                .as_ref()
+                .map_or_else(|| folder.to_owned(), |data| folder.join(data));
+            return Ok((manifest, data_dir));
+        }
+        let inside = path.join(FOLDER_MANIFEST);
+        if inside.is_file() {
+            let manifest = Self::load(&inside)?;
+            let data_dir = manifest
+                .data
+                .as_ref()
+                .map_or_else(|| path.to_owned(), |data| path.join(data));
+            return Ok((manifest, data_dir));
+        }
+        if let Some(manifest) = Self::recognise(path)? {
+            return Ok((manifest, path.to_owned()));
+        }
+        Ok((Self::plain(path)?, path.to_owned()))
+    }
+
+    /// The supported dataset whose index file `data_dir` contains, byte for byte.
+    pub fn recognise(data_dir: &Path) -> Result<Option<Self>> {
+        for manifest in Self::builtin() {
+            let manifest = manifest?;
+            let (Some(expected), Some(index)) = (&manifest.checksums.index, manifest.index_file())
+            else {
+                continue;
+            };
+            let index = data_dir.join(index);
+            if index.is_file() && file_sha256(&index)? == *expected {
+                return Ok(Some(manifest));
+            }
+        }
+        Ok(None)
+    }
+
+    /// A manifest that knows no more than the folder shows.
+    fn plain(data_dir: &Path) -> Result<Self> {
+        let (layout, clock) = layout::detect(data_dir)?;
+        let name = std::path::absolute(data_dir)
+            .ok()
+            .and_then(|path| Some(path.file_name()?.to_string_lossy().into_owned()))
+            .unwrap_or_else(|| "dataset".into());
+        Ok(Self {
+            name,
+            aliases: Vec::new(),
+            title: String::new(),
+            citation: String::new(),
+            licence: String::new(),
+            obtain: String::new(),
+            known_faults: Vec::new(),
+            places: Vec::new(),
+            data: None,
+            time: TimeRule {
+                clock,
+                // One visit a day from the epoch: such times only number the visits.
+                origin: Some(Time::from_us(0)),
+                quantum: Some(Quantum::Seconds(86_400)),
+                first_visit: 0,
+                file_name: None,
+                base_period: None,
+                zone: None,
+                place_zones: BTreeMap::new(),
+            },
+            layout: vec![layout],
+            split: None,
+            mask: Vec::new(),
+            checksums: Checksums::default(),
+        })
+    }
+
+    /// When an image with this file name was taken, by the rule of the manifest.
+    pub fn time_from_name(&self, file_name: &str) -> Option<Time> {
+        let stem = Path::new(file_name).file_stem()?.to_str()?;
+        // Checked when the manifest was read.
+        let pattern = NamePattern::parse(self.time.file_name.as_deref()?).ok()?;
+        match pattern.read(stem)? {
+            Moment::At(time) => Some(time),
+            Moment::Visit(number) => self.time.of_visit(number),
+        }
+    }
+
+    /// The IANA zone whose civil time people live by at `place`, where known.
+    pub fn zone_of(&self, place: &PlaceKey) -> Option<&str> {
+        self.time
+            .place_zones
+            .get(place)
+            .or(self.time.zone.as_ref())
+            .map(String::as_str)
+    }
+
+    /// The folder of this dataset: `dir` itself, or the folder in it that has the dataset's name.
+    pub fn find_data(&self, dir: &Path) -> Result<PathBuf> {
+        let has_layout = |dir: &Path| self.layout.iter().any(|layout| layout.is_in(dir));
+        let named = std::iter::once(&self.name)
+            .chain(&self.aliases)
+            .map(|name| dir.join(name))
+            .find(|path| has_layout(path));
+        if let Some(path) = named {
+            return Ok(path);
+        }
+        if has_layout(dir) {
+            return Ok(dir.to_owned());
+        }
+        if !dir.is_dir() {
+            return Err(Error::new(ErrorKind::Io, "there is no such folder")
+                .with_path(dir)
+                .with_help(format!(
+                    "give the folder of the dataset `{}` or the one that contains it",
+                    self.name
+                )));
+        }
+        let wanted: Vec<_> = self.layout.iter().map(Layout::wanted).collect();
+        Err(Error::new(
+            ErrorKind::Format,
+            format!(
+                "the dataset `{}` is neither here nor in the folder `{}` here: found no {}",
+                self.name,
+                self.name,
+                wanted.join(" and no ")
+            ),
+        )
+        .with_path(dir)
+        .with_help(if self.obtain.is_empty() {
+            "name the folder that contains the data".into()
+        } else {
+            format!("to get the data: {}", self.obtain.trim())
+        }))
+    }
+
+    /// Compares the files with the manifest's checksums and with a `SHA256SUMS` file in the folder,
+    /// where there are any; every difference is a problem.
+    pub fn verify(
+        &self,
+        dataset: &Dataset,
+        data_dir: &Path,
+        progress: impl Fn(usize, usize) + Sync,
+    ) -> Result<Vec<Problem>> {
+        super::check::verify(self, dataset, &self.find_data(data_dir)?, &progress)
+    }
+
+    pub(super) fn index_file(&self) -> Option<&str> {
+        self.layout.iter().find_map(|layout| match layout {
+            Layout::Index { file } => Some(file.as_str()),
+            _ => None,
+        })
+    }
+
+    pub(super) fn masks_of(&self, place: &PlaceKey) -> Vec<Rect> {
+        self.mask
+            .iter()
+            .filter(|mask| mask.place.as_ref().is_none_or(|only| only == place))
+            .map(|mask| Rect {
+                x: mask.x,
+                y: mask.y,
+                width: mask.width,
+                height: mask.height,
+            })
+            .collect()
+    }
+
+    fn parse(text: &str, path: &Path) -> Result<Self> {
+        let manifest: Self = toml::from_str(text).map_err(|cause| {
+            let error = Error::new(ErrorKind::Format, cause.message().trim())
+                .with_path(path)
+                .with_help("datasets/README.md lists every key of a manifest");
+            match cause.span() {
+                Some(span) => {
+                    let line = table::line_at(text.as_bytes(), span.start);
+                    error.with_place(format!("line {line}"))
+                }
+                None => error,
+            }
+        })?;
+        manifest.validate().map_err(|error| error.with_path(path))?;
+        Ok(manifest)
+    }
+
+    fn validate(&self) -> Result<()> {
+        let bad = |place: &str, message: String, help: &str| {
+            Err(Error::new(ErrorKind::Config, message)
+                .with_place(place)
+                .with_help(help))
+        };
+        let legal = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+        if self.name.is_empty() || !self.name.chars().all(legal) {
+            return bad(
+                "name",
+                format!("`{}` is no name for a dataset", self.name.escape_debug()),
+                "use letters, digits, `-`, `_` and `.`",
+            );
+        }
+        if self.layout.is_empty() {
+            return bad(
+                "layout",
+                "the list of layouts is empty".into(),
+                "remove it to read an index.csv",
+            );
+        }
+        let zones = self.time.zone.iter().chain(self.time.place_zones.values());
+        for zone in zones {
+            if TimeZone::get(zone).is_err() {
+                return bad(
+                    "time",
+                    format!("`{zone}` is no time zone"),
+                    "use an IANA name such as Europe/Prague",
+                );
+            }
+        }
+        if matches!(
+            self.time.quantum,
+            Some(Quantum::Seconds(0) | Quantum::Months(0))
+        ) {
+            return bad(
+                "time.quantum",
+                "the time between two visits is 0".into(),
+                "write the seconds or months between visit numbers",
+            );
+        }
+        if let Some(pattern) = &self.time.file_name {
+            let pattern =
+                NamePattern::parse(pattern).map_err(|error| error.with_place("time.file_name"))?;
+            if pattern.has("visit") {
+                self.time.need_rule("time.file_name")?;
+            }
+        }
+        for layout in &self.layout {
+            layout.validate(&self.time)?;
+        }
+        for sum in self.checksums.index.iter().chain(&self.checksums.files) {
+            if sum.len() != 64 || !sum.bytes().all(|byte| byte.is_ascii_hexdigit()) {
+                return bad(
+                    "checksums",
+                    format!("`{sum}` is no SHA-256"),
+                    "write 64 hexadecimal digits",
+                );
+            }
+        }
+        if let Some(split) = &self.split {
+            let has_learn = split.learn_until.is_some() || split.learn_folder.is_some();
+            let has_query = split.query_from.is_some() || split.query_folder.is_some();
+            if !has_learn || !has_query {
+                return bad(
+                    "split",
+                    "the split has only one side".into(),
+                    "write learn_until and query_from, or learn_folder and query_folder",
+                );
+            }
+            if let (Some(until), Some(from)) = (split.learn_until, split.query_from)
+                && from < until
+            {
+                return bad(
+                    "split",
+                    format!("queries start at {from}, before learning ends at {until}"),
+                    "let query_from be learn_until or later",
+                );
+            }
+        }
+        Ok(())
+    }
+}
+
+impl TimeRule {
+    /// The time of a visit number, where the rule has an origin and a quantum.
+    pub fn of_visit(&self, number: i64) -> Option<Time> {
+        self.of_number(self.origin?, number.checked_sub(self.first_visit)?)
+    }
+
+    /// The time `count` quanta after `origin`, where the rule has a quantum.
+    pub(super) fn of_number(&self, origin: Time, count: i64) -> Option<Time> {
+        match self.quantum? {
+            Quantum::Seconds(seconds) => {
+                let us = count
+                    .checked_mul(i64::from(seconds))?
+                    .checked_mul(1_000_000)?;
+                origin.as_us().checked_add(us).map(Time::from_us)
+            }
+            Quantum::Months(months) => {
+                let span = Span::new()
+                    .try_months(count.checked_mul(i64::from(months))?)
+                    .ok()?;
+                let origin = Timestamp::from_microsecond(origin.as_us()).ok()?;
+                let later = origin.to_zoned(TimeZone::UTC).checked_add(span).ok()?;
+                Some(Time::from_us(later.timestamp().as_microsecond()))
+            }
+        }
+    }
+
+    pub(super) fn need_rule(&self, place: &str) -> Result<()> {
+        if self.origin.is_some() && self.quantum.is_some() {
+            return Ok(());
+        }
+        Err(Error::new(
+            ErrorKind::Config,
+            "visit numbers need a time rule, and the manifest has none",
+        )
+        .with_place(place)
+        .with_help(
+            "write under [time], for example: origin = \"2013-11-11T00:00:00Z\" and quantum = { seconds = 600 }",
+        ))
+    }
+}
+
+impl Layout {
+    fn validate(&self, time: &TimeRule) -> Result<()> {
+        match self {
+            Self::Index { .. } => Ok(()),
+            Self::Grief { .. } => time.need_rule("layout grief"),
+            Self::FreLoc { .. } => time.need_rule("layout freloc"),
+            Self::Nclt {
+                camera,
+                radius_m,
+                max_pose_gap_s,
+                place,
+                ..
+            } => {
+                let bad = |message: String, help: &str| {
+                    Err(Error::new(ErrorKind::Config, message)
+                        .with_place("layout nclt")
+                        .with_help(help))
+                };
+                if *camera > 5 {
+                    return bad(
+                        format!("there is no camera {camera}"),
+                        "the cameras are 0 (up) to 5",
+                    );
+                }
+                for (name, value) in [("radius_m", radius_m), ("max_pose_gap_s", max_pose_gap_s)] {
+                    if !value.is_finite() || *value <= 0.0 {
+                        return bad(format!("{name} is {value}"), "write a positive number");
+                    }
+                }
+                if place.is_empty() {
+                    return bad("there is no place".into(), "write [[layout.place]] tables");
+                }
+                for (position, one) in place.iter().enumerate() {
+                    let heading = one.heading_deg.unwrap_or(0.0);
+                    if ![one.x, one.y, one.z, heading].iter().all(|v| v.is_finite()) {
+                        return bad(
+                            format!("the pose of `{}` is not finite", one.key),
+                            "write numbers of metres and degrees",
+                        );
+                    }
+                    if place[..position].iter().any(|other| other.key == one.key) {
+                        return bad(
+                            format!("the place `{}` is listed twice", one.key),
+                            "give each place one name",
+                        );
+                    }
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
+/// SHA-256 of a file's bytes in hexadecimal.
+pub(super) fn file_sha256(path: &Path) -> Result<String> {
+    let io = |cause: std::io::Error| Error::io(path, &cause);
+    let mut file = std::fs::File::open(path).map_err(io)?;
+    let mut hasher = Sha256::new();
+    let mut buffer = vec![0; 1 << 16];
+    loop {
+        match std::io::Read::read(&mut file, &mut buffer).map_err(io)? {
+            0 => return Ok(hex(&hasher.finalize())),
+            length => hasher.update(&buffer[..length]),
+        }
+    }
+}
+
+fn default_layout() -> Vec<Layout> {
+    vec![Layout::Index {
+        file: default_index(),
+    }]
+}
+
+pub(super) fn default_index() -> String {
+    "index.csv".into()
+}
+
+pub(super) fn default_place_prefix() -> String {
+    "loc".into()
+}
+
+fn default_pose_gap_s() -> f64 {
+    0.5
+}
+
+fn default_turn() -> Turn {
+    Turn::Quarter
+}
+
+fn custom<E: serde::de::Error>(error: impl fmt::Display) -> E {
+    E::custom(error)
+}
+
+fn optional_time<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Time>, D::Error> {
+    let text = String::deserialize(deserializer)?;
+    Time::parse(&text).map(Some).map_err(custom)
+}
+
+fn time_map<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<BTreeMap<String, Time>, D::Error> {
+    BTreeMap::<String, String>::deserialize(deserializer)?
+        .into_iter()
+        .map(|(key, text)| Ok((key, Time::parse(&text).map_err(custom)?)))
+        .collect()
+}
+
+fn optional_period<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Period>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(rename_all = "kebab-case")]
+    enum Name {
+        Hour,
+        Day,
+        Week,
+        Year,
+    }
+    Name::deserialize(deserializer).map(|name| {
+        Some(match name {
+            Name::Hour => Period::HOUR,
+            Name::Day => Period::DAY,
+            Name::Week => Period::WEEK,
+            Name::Year => Period::YEAR,
+        })
+    })
+}

@@ -1,0 +1,567 @@
+//! What stands where, and when?
+//!
+//! Every place is a stretch of one street: a facade of brick in bays and rows, cut into cells. A cell
+//! shows at most one of its [`Element`]s at a visit, so that their probabilities add up and nothing
+//! hides anything else by plan (passers-by do, at random). Cells of the same kind are filled from
+//! the same catalogue of windows and doors at every place: such places look alike.
+
+use super::paint::{self, Patch};
+use super::random::{Rng, hash};
+use super::rhythm::{Activity, Rhythm, Window};
+use crate::feature::Rect;
+use crate::time::Time;
+
+/// Width of a bay of the facade, px.
+pub(super) const BAY: i32 = 52;
+/// Height of a row of the facade, px.
+pub(super) const ROW: i32 = 62;
+/// Height of pavement and road together, px.
+pub(super) const GROUND: i32 = 66;
+/// Least height of the sky, px.
+const SKY: i32 = 40;
+
+/// What an element is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ElementKind {
+    /// A window from the catalogue that all places share.
+    Window,
+    /// A window lit from inside.
+    LitWindow,
+    /// Closed shutters.
+    Shutters,
+    /// The crown of a tree in leaf.
+    Foliage,
+    /// The crown of a tree without leaves.
+    BareCrown,
+    /// Climbing plants in leaf.
+    Ivy,
+    /// The trellis that climbing plants leave bare.
+    Trellis,
+    /// A mural or a sign.
+    Mural,
+    /// A shop that is open.
+    Shop,
+    /// A shop that is closed.
+    RollerShutter,
+    /// A door that is closed.
+    ClosedDoor,
+    /// A door that is open.
+    OpenDoor,
+    /// A market stall.
+    Stall,
+    /// A bench.
+    Bench,
+    /// A parked van.
+    Van,
+    /// Parasol, chairs and tables.
+    Cafe,
+    /// A heap of swept snow.
+    SnowHeap,
+}
+
+/// One thing that is drawn at some visits and not at others.
+#[derive(Clone, Debug)]
+pub struct Element {
+    id: u32,
+    cell: u32,
+    kind: ElementKind,
+    rect: Rect,
+    shared: bool,
+    rhythm: Rhythm,
+    pub(super) patch: Patch,
+}
+
+impl Element {
+    /// Its position in [`World::truth`](super::World::truth).
+    pub fn id(&self) -> u32 {
+        self.id
+    }
+
+    /// The cell it stands in; at a visit at most one element of a cell is drawn.
+    pub fn cell(&self) -> u32 {
+        self.cell
+    }
+
+    /// What it is.
+    pub fn kind(&self) -> ElementKind {
+        self.kind
+    }
+
+    /// Where it is in the reference frame: the image of a visit without viewpoint jitter.
+    pub fn rect(&self) -> Rect {
+        self.rect
+    }
+
+    /// Whether other places may show the very same thing.
+    pub fn is_shared(&self) -> bool {
+        self.shared
+    }
+
+    /// The true p(t): the probability, in `[0, 1]`, that a visit at this time finds it drawn.
+    ///
+    /// Passers-by may still hide it and darkness may drown it in noise, neither with any rhythm of
+    /// the element's own.
+    pub fn visibility(&self, time: Time) -> f64 {
+        self.rhythm.at(time)
+    }
+
+    /// Whether it shines by itself.
+    pub(super) fn is_lit(&self) -> bool {
+        self.kind == ElementKind::LitWindow
+    }
+}
+
+/// What every place of a world has in common.
+pub(super) struct Street {
+    pub(super) seed: u64,
+    pub(super) width: i32,
+    pub(super) height: i32,
+    pub(super) rhythms: bool,
+}
+
+impl Street {
+    pub(super) fn num_bays(&self) -> i32 {
+        self.width / BAY
+    }
+
+    pub(super) fn num_rows(&self) -> i32 {
+        (self.height - GROUND - SKY) / ROW
+    }
+
+    /// Row of the first pixel of pavement.
+    pub(super) fn ground_y(&self) -> i32 {
+        self.height - GROUND
+    }
+
+    /// Row of the first pixel of facade.
+    pub(super) fn facade_y(&self) -> i32 {
+        self.ground_y() - self.num_rows() * ROW
+    }
+
+    /// Column of the first pixel of a bay.
+    pub(super) fn bay_x(&self, bay: i32) -> i32 {
+        (self.width - self.num_bays() * BAY) / 2 + bay * BAY
+    }
+
+    /// The random sequence of a thing that all places share.
+    pub(super) fn shared(&self, thing: u64) -> Rng {
+        Rng::new(&[self.seed, 0x5a5a, thing])
+    }
+
+    /// The random sequence of a thing of one place.
+    fn own(&self, place: usize, thing: u64) -> Rng {
+        Rng::new(&[self.seed, 0x0e0e, place as u64, thing])
+    }
+}
+
+/// The elements of one place and what stands behind them.
+pub(super) struct Scene {
+    /// In order of cells.
+    pub(super) elements: Vec<Element>,
+    /// Opaque, of the image's size.
+    pub(super) background: Patch,
+    /// Drawn over everything: lamp posts, with their upper-left pixels.
+    pub(super) foreground: Vec<(i32, i32, Patch)>,
+}
+
+/// What a cell of the facade is planned for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Plan {
+    SharedWindow,
+    NightWindow,
+    Climbers,
+    Mural,
+    SharedDoor,
+    Shop,
+    Door,
+    Market,
+    Terrace,
+    Parking,
+}
+
+/// Upper cells of a place, repeated in this order until all are planned, then shuffled.
+const UPPER: [Plan; 10] = [
+    Plan::SharedWindow,
+    Plan::NightWindow,
+    Plan::Climbers,
+    Plan::SharedWindow,
+    Plan::NightWindow,
+    Plan::SharedWindow,
+    Plan::Climbers,
+    Plan::NightWindow,
+    Plan::SharedWindow,
+    Plan::Mural,
+];
+
+/// Cells on the ground, likewise.
+const GROUND_FLOOR: [Plan; 6] = [
+    Plan::SharedDoor,
+    Plan::Shop,
+    Plan::Terrace,
+    Plan::Door,
+    Plan::Market,
+    Plan::Parking,
+];
+
+/// Probability of an element in its phase, and out of it.
+const HIGH: f64 = 0.96;
+const LOW: f64 = 0.02;
+
+fn summer(rng: &mut Rng) -> Activity {
+    Activity {
+        year: Some(Window::around(
+            0.54 + rng.range(-0.10, 0.10),
+            rng.range(0.44, 0.54),
+            0.08,
+        )),
+        ..Activity::default()
+    }
+}
+
+fn daytime(rng: &mut Rng) -> Activity {
+    Activity {
+        day: Some(Window::around(
+            0.53 + rng.range(-0.08, 0.08),
+            rng.range(0.44, 0.54),
+            0.06,
+        )),
+        ..Activity::default()
+    }
+}
+
+fn opening_hours(rng: &mut Rng) -> Activity {
+    Activity {
+        weekdays: Some(if rng.chance(0.5) {
+            0b011_1111
+        } else {
+            0b001_1111
+        }),
+        day: Some(Window::around(
+            0.54 + rng.range(-0.06, 0.06),
+            rng.range(0.40, 0.48),
+            0.05,
+        )),
+        ..Activity::default()
+    }
+}
+
+fn some_weekdays(rng: &mut Rng) -> Activity {
+    // Three or four days in a row.
+    let run = if rng.chance(0.5) { 0b111 } else { 0b1111 };
+    let shift = rng.int(0, 6);
+    Activity {
+        weekdays: Some((((run << shift) | (run << shift >> 7)) & 0x7f) as u8),
+        ..Activity::default()
+    }
+}
+
+/// Collects the elements of one place.
+struct Builder<'a> {
+    street: &'a Street,
+    elements: Vec<Element>,
+    cell: u32,
+}
+
+impl Builder<'_> {
+    /// Adds an element to the current cell.
+    fn add(
+        &mut self,
+        kind: ElementKind,
+        at: (i32, i32),
+        shared: bool,
+        rhythm: Rhythm,
+        patch: Patch,
+    ) {
+        let rhythm = if self.street.rhythms {
+            rhythm
+        } else {
+            Rhythm::constant(rhythm.mean())
+        };
+        self.elements.push(Element {
+            id: self.elements.len() as u32,
+            cell: self.cell,
+            kind,
+            rect: Rect {
+                x: at.0 as u32,
+                y: at.1 as u32,
+                width: patch.width as u32,
+                height: patch.height as u32,
+            },
+            shared,
+            rhythm,
+            patch,
+        });
+    }
+
+    fn fill(&mut self, plan: Plan, at: (i32, i32), size: (i32, i32), rng: &mut Rng) {
+        let (w, h) = size;
+        let street = self.street;
+        match plan {
+            Plan::SharedWindow => {
+                let patch = paint::paint_window(&mut street.shared(1), w, h);
+                self.add(ElementKind::Window, at, true, Rhythm::constant(0.97), patch);
+            }
+            Plan::SharedDoor => {
+                let patch = paint::paint_closed_door(&mut street.shared(2), w, h);
+                self.add(
+                    ElementKind::ClosedDoor,
+                    at,
+                    true,
+                    Rhythm::constant(0.97),
+                    patch,
+                );
+            }
+            Plan::Mural => {
+                let patch = paint::paint_mural(rng, w, h);
+                self.add(ElementKind::Mural, at, false, Rhythm::constant(0.90), patch);
+            }
+            Plan::NightWindow => {
+                let activity = daytime(rng);
+                let day = paint::paint_shutters(rng, w, h);
+                let night = paint::paint_lit_window(rng, w, h);
+                self.pair(
+                    activity,
+                    at,
+                    (ElementKind::Shutters, day),
+                    (ElementKind::LitWindow, night),
+                );
+            }
+            Plan::Climbers => {
+                let activity = summer(rng);
+                let summer = paint::paint_ivy(rng, w, h);
+                let winter = paint::paint_trellis(rng, w, h);
+                self.pair(
+                    activity,
+                    at,
+                    (ElementKind::Ivy, summer),
+                    (ElementKind::Trellis, winter),
+                );
+            }
+            Plan::Shop => {
+                let activity = opening_hours(rng);
+                let open = paint::paint_shop(rng, w, h);
+                let closed = paint::paint_roller_shutter(rng, w, h);
+                self.pair(
+                    activity,
+                    at,
+                    (ElementKind::Shop, open),
+                    (ElementKind::RollerShutter, closed),
+                );
+            }
+            Plan::Door => {
+                let activity = opening_hours(rng);
+                let open = paint::paint_open_door(rng, w, h);
+                let closed = paint::paint_closed_door(rng, w, h);
+                self.pair(
+                    activity,
+                    at,
+                    (ElementKind::OpenDoor, open),
+                    (ElementKind::ClosedDoor, closed),
+                );
+            }
+            Plan::Market => {
+                let activity = some_weekdays(rng);
+                let stall = paint::paint_stall(rng, w, h);
+                let bench = paint::paint_bench(rng, w, h);
+                self.pair(
+                    activity,
+                    at,
+                    (ElementKind::Stall, stall),
+                    (ElementKind::Bench, bench),
+                );
+            }
+            Plan::Terrace => {
+                let activity = summer(rng);
+                let cafe = paint::paint_cafe(rng, w, h);
+                let snow = paint::paint_snow_heap(rng, w, h);
+                self.pair(
+                    activity,
+                    at,
+                    (ElementKind::Cafe, cafe),
+                    (ElementKind::SnowHeap, snow),
+                );
+            }
+            Plan::Parking => {
+                let activity = daytime(rng);
+                let bench = paint::paint_bench(rng, w, h);
+                let van = paint::paint_van(rng, w, h);
+                self.pair(
+                    activity,
+                    at,
+                    (ElementKind::Bench, bench),
+                    (ElementKind::Van, van),
+                );
+            }
+        }
+        self.cell += 1;
+    }
+
+    /// Adds an element that shows while active and its counterpart that shows while not.
+    fn pair(
+        &mut self,
+        activity: Activity,
+        at: (i32, i32),
+        active: (ElementKind, Patch),
+        inactive: (ElementKind, Patch),
+    ) {
+        self.add(
+            active.0,
+            at,
+            false,
+            Rhythm::with(activity, LOW, HIGH),
+            active.1,
+        );
+        self.add(
+            inactive.0,
+            at,
+            false,
+            Rhythm::without(activity, LOW, HIGH),
+            inactive.1,
+        );
+    }
+}
+
+impl Scene {
+    /// The scene of one place.
+    pub(super) fn new(street: &Street, place: usize) -> Self {
+        let (bays, rows) = (street.num_bays(), street.num_rows());
+        let mut rng = street.own(place, 0);
+        let mut builder = Builder {
+            street,
+            elements: Vec::new(),
+            cell: 0,
+        };
+        let mut background = background(street);
+
+        // The outermost bays are mostly outside what detectors see: plain street.
+        let mut inner: Vec<i32> = (1..bays - 1).collect();
+        rng.shuffle(&mut inner);
+        let num_trees = (inner.len() / 4).max(1);
+        let mut trees: Vec<i32> = inner.drain(..num_trees).collect();
+        trees.sort_unstable();
+        inner.sort_unstable();
+
+        for &bay in &trees {
+            let (x, y) = (street.bay_x(bay), street.facade_y());
+            let height = (rows - 1) * ROW;
+            background.line(
+                (x + BAY / 2, y + height - 8),
+                (x + BAY / 2, street.ground_y() + 6),
+                3,
+                44,
+            );
+            let activity = summer(&mut rng);
+            let tone = rng.int(78, 104);
+            let leaves = paint::paint_foliage(&mut rng, BAY, height, tone);
+            let bare = paint::paint_bare_crown(&mut rng, BAY, height);
+            builder.pair(
+                activity,
+                (x, y),
+                (ElementKind::Foliage, leaves),
+                (ElementKind::BareCrown, bare),
+            );
+            builder.cell += 1;
+        }
+
+        let mut upper: Vec<Plan> = UPPER
+            .iter()
+            .copied()
+            .cycle()
+            .take(inner.len() * (rows - 1) as usize)
+            .collect();
+        rng.shuffle(&mut upper);
+        let mut ground: Vec<Plan> = GROUND_FLOOR
+            .iter()
+            .copied()
+            .cycle()
+            .take(inner.len())
+            .collect();
+        rng.shuffle(&mut ground);
+        let mut upper = upper.into_iter();
+        let mut ground = ground.into_iter();
+        for bay in 0..bays {
+            if trees.contains(&bay) {
+                continue;
+            }
+            let edge = bay == 0 || bay == bays - 1;
+            let x = street.bay_x(bay) + 2;
+            for row in 0..rows - 1 {
+                let y = street.facade_y() + row * ROW + 4;
+                let plan = if edge { None } else { upper.next() };
+                builder.fill(
+                    plan.unwrap_or(Plan::SharedWindow),
+                    (x, y),
+                    (BAY - 4, ROW - 8),
+                    &mut rng,
+                );
+            }
+            let plan = if edge { None } else { ground.next() };
+            let height = ROW - 4;
+            builder.fill(
+                plan.unwrap_or(Plan::SharedDoor),
+                (x, street.ground_y() - height),
+                (BAY - 4, height),
+                &mut rng,
+            );
+        }
+
+        let post = paint::paint_lamp_post(16, 112);
+        let foreground = [1, bays / 2, bays - 1]
+            .into_iter()
+            .map(|bay| {
+                let x = street.bay_x(bay) - 8;
+                (x, street.ground_y() + 8 - post.height, post.clone())
+            })
+            .collect();
+        Self {
+            elements: builder.elements,
+            background,
+            foreground,
+        }
+    }
+
+    /// The element that each cell shows at this visit.
+    pub(super) fn shown(&self, key: u64, time: Time) -> impl Iterator<Item = &Element> {
+        self.elements
+            .chunk_by(|a, b| a.cell == b.cell)
+            .filter_map(move |cell| {
+                let mut draw = super::random::unit(hash(&[key, u64::from(cell[0].cell)]));
+                cell.iter().find(|element| {
+                    draw -= element.visibility(time);
+                    draw < 0.0
+                })
+            })
+    }
+}
+
+/// Sky, roof, bricks, pavement and road: the same everywhere.
+fn background(street: &Street) -> Patch {
+    let mut patch = Patch::new(street.width, street.height);
+    let roof = street.facade_y() - 8;
+    for y in 0..roof {
+        patch.rect(0, y, street.width, 1, 190 + y / 2);
+    }
+    patch.rect(0, roof, street.width, 8, 72);
+    patch.rect(0, roof + 6, street.width, 2, 160);
+    let bricks = paint::paint_bricks(
+        &mut street.shared(0),
+        street.width,
+        street.ground_y() - street.facade_y(),
+    );
+    let from = (street.facade_y() * street.width) as usize;
+    patch.value[from..][..bricks.value.len()].copy_from_slice(&bricks.value);
+    patch.cover[from..][..bricks.value.len()].fill(255);
+    let (pavement, road) = (street.ground_y(), street.ground_y() + 34);
+    patch.rect(0, pavement, street.width, 34, 146);
+    for x in (0..street.width).step_by(26) {
+        patch.line((x, pavement), (x - 12, road), 0, 128);
+    }
+    patch.rect(0, pavement + 15, street.width, 1, 130);
+    patch.rect(0, road - 4, street.width, 4, 182);
+    patch.rect(0, road, street.width, street.height - road, 88);
+    for x in (10..street.width).step_by(64) {
+        patch.rect(x, road + 16, 30, 3, 190);
+    }
+    patch
+}

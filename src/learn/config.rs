@@ -1,0 +1,172 @@
+//! How is a map learnt?
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::localize::{LocalizerConfig, Method, Preset};
+use crate::matching::{MatchConfig, TwoWayConfig, VoteConfig};
+
+/// How features are recognised and born.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Recipe {
+    /// By nearest live feature and displacement, one visit at a time.
+    Online,
+    /// By the ratio test both ways, visibility looked up afterwards in every image.
+    Reference,
+}
+
+/// Which visits keep their own features.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum KeepAppearances {
+    /// None: the experience methods cannot be used.
+    None,
+    /// Those that became experiences.
+    Experiences,
+    /// All.
+    All,
+}
+
+/// How a [`Learner`](super::Learner) works.
+///
+/// As TOML, keys are in kebab case and those left out have the values of the preset `default`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(
+    rename_all = "kebab-case",
+    default,
+    try_from = "Fields",
+    into = "Fields"
+)]
+pub struct LearnConfig(Fields);
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
+struct Fields {
+    recipe: Recipe,
+    features_per_visit: usize,
+    keep_appearances: KeepAppearances,
+    experience_features: usize,
+    min_inliers: u32,
+    reobserve: MatchConfig,
+    vote: VoteConfig,
+    two_way: TwoWayConfig,
+    experience: LocalizerConfig,
+}
+
+impl Default for Fields {
+    fn default() -> Self {
+        LearnConfig::preset(Preset::Default).0
+    }
+}
+
+impl Default for LearnConfig {
+    /// The preset `default`.
+    fn default() -> Self {
+        Self::preset(Preset::Default)
+    }
+}
+
+impl TryFrom<Fields> for LearnConfig {
+    type Error = Error;
+
+    fn try_from(fields: Fields) -> Result<Self> {
+        for (name, value) in [
+            ("features-per-visit", fields.features_per_visit),
+            ("experience-features", fields.experience_features),
+        ] {
+            if value == 0 {
+                return Err(Error::new(
+                    ErrorKind::Config,
+                    format!("{name} must be at least 1"),
+                ));
+            }
+        }
+        Ok(Self(fields))
+    }
+}
+
+impl From<LearnConfig> for Fields {
+    fn from(cfg: LearnConfig) -> Self {
+        cfg.0
+    }
+}
+
+impl LearnConfig {
+    /// The numbers of a preset.
+    pub fn preset(preset: Preset) -> Self {
+        let fields = Fields {
+            recipe: Recipe::Online,
+            features_per_visit: 300,
+            keep_appearances: KeepAppearances::Experiences,
+            experience_features: 50,
+            min_inliers: 8,
+            reobserve: MatchConfig::default(),
+            vote: VoteConfig::default(),
+            two_way: TwoWayConfig::default(),
+            experience: LocalizerConfig::preset(preset).with_method(Method::Experience),
+        };
+        Self(match preset {
+            Preset::Default => fields,
+            Preset::Lttl => Fields {
+                recipe: Recipe::Reference,
+                features_per_visit: 500,
+                keep_appearances: KeepAppearances::All,
+                reobserve: MatchConfig::lttl(crate::matching::Direction::MapToLive),
+                ..fields
+            },
+        })
+    }
+
+    /// Keeps other appearances.
+    #[must_use]
+    pub fn with_keep_appearances(mut self, keep: KeepAppearances) -> Self {
+        self.0.keep_appearances = keep;
+        self
+    }
+
+    /// How features are recognised and born.
+    pub fn recipe(&self) -> Recipe {
+        self.0.recipe
+    }
+
+    /// The strongest features of an image that are learnt from.
+    pub fn features_per_visit(&self) -> usize {
+        self.0.features_per_visit
+    }
+
+    /// Which visits keep their own features.
+    pub fn keep_appearances(&self) -> KeepAppearances {
+        self.0.keep_appearances
+    }
+
+    /// The strongest features of an appearance that decide whether it locates a later image.
+    pub fn experience_features(&self) -> usize {
+        self.0.experience_features
+    }
+
+    /// With fewer matches in agreement, an image is taken to lie where the place's first one did.
+    pub fn min_inliers(&self) -> u32 {
+        self.0.min_inliers
+    }
+
+    /// When a feature of the place is one of the image (both recipes).
+    pub fn reobserve(&self) -> &MatchConfig {
+        &self.0.reobserve
+    }
+
+    /// Which of these pairs agree on a displacement (online recipe).
+    pub fn vote(&self) -> &VoteConfig {
+        &self.0.vote
+    }
+
+    /// When a feature is born (reference recipe).
+    pub fn two_way(&self) -> &TwoWayConfig {
+        &self.0.two_way
+    }
+
+    /// How images are located by experiences while learning.
+    pub fn experience(&self) -> &LocalizerConfig {
+        &self.0.experience
+    }
+}

@@ -1,0 +1,94 @@
+//! Which features were seen again, which are new? (one visit at a time)
+//!
+//! 1. Each feature of the place takes its nearest live feature within the distance threshold; a live
+//!    feature goes to the nearest of those that want it.
+//! 2. The displacement that most pairs agree on is the camera's; the pairs that agree were *seen*.
+//! 3. Live features that no agreeing pair uses are *born*, moved back by the displacement, so that all
+//!    features of a place share the frame of its first visit.
+//! 4. Features that the displacement moves out of the image, or under the mask, were *not observable*;
+//!    neither was anything in an image without any features (a black one).
+
+use super::{Learnt, Observation, Scratch};
+use crate::error::Result;
+use crate::feature::{Features, Keypoint};
+use crate::learn::LearnConfig;
+use crate::map::Node;
+use crate::matching::{Displacement, Matcher, displacements_into, vote_displacement};
+use crate::visibility::BitRow;
+
+pub(super) fn learn(
+    cfg: &LearnConfig,
+    matcher: &Matcher,
+    scratch: &mut Scratch,
+    node: &mut Node,
+    observation: &Observation<'_>,
+    live: &Features,
+) -> Result<Learnt> {
+    let Scratch {
+        matching,
+        matches,
+        displacements,
+        vote,
+    } = scratch;
+    let known = node.features.view();
+    matcher.matches_into(matching, known, live.view(), matches);
+    displacements_into(matches, known.keypoints, live.keypoints(), displacements);
+    let agreed = vote_displacement(cfg.vote(), vote, displacements);
+    let located = agreed.num_inliers >= cfg.min_inliers();
+    let shift = if located {
+        agreed.median
+    } else {
+        Displacement::default()
+    };
+
+    let num_known = known.len();
+    let mut is_known = BitRow::zeros(live.len());
+    let agreeing = || {
+        (matches.iter().zip(vote.inliers()))
+            .filter(|&(_, &inlier)| inlier && located)
+            .map(|(found, _)| found)
+    };
+    for found in agreeing() {
+        is_known.set(found.live as usize);
+    }
+    let born: Vec<usize> = (0..live.len()).filter(|&id| !is_known.get(id)).collect();
+    let mut seen = BitRow::zeros(num_known + born.len());
+    for found in agreeing() {
+        seen.set(found.map as usize);
+    }
+    let num_seen = seen.count_ones();
+
+    let mut hidden = BitRow::zeros(seen.len());
+    for (id, keypoint) in known.keypoints.iter().enumerate() {
+        if !seen.get(id) && (live.is_empty() || !is_in_view(keypoint, shift, observation)) {
+            hidden.set(id);
+        }
+    }
+    for (offset, &id) in born.iter().enumerate() {
+        seen.set(num_known + offset);
+        let mut keypoint = live.keypoints()[id];
+        keypoint.x -= shift.dx_px as f32;
+        keypoint.y -= shift.dy_px as f32;
+        node.features.push(keypoint, live.descriptors()[id]);
+    }
+    let hidden = (hidden.count_ones() > 0).then_some(hidden);
+    node.log.push_visit(observation.time, seen, hidden)?;
+    Ok(Learnt {
+        num_seen,
+        num_born: born.len(),
+        experience: false,
+    })
+}
+
+/// Whether a feature of the place, moved by the camera's displacement, lies on an observable pixel.
+fn is_in_view(keypoint: &Keypoint, shift: Displacement, observation: &Observation<'_>) -> bool {
+    let x = (f64::from(keypoint.x) + shift.dx_px).round();
+    let y = (f64::from(keypoint.y) + shift.dy_px).round();
+    let (width, height) = observation.image_size;
+    if !(x >= 0.0 && y >= 0.0 && x < f64::from(width) && y < f64::from(height)) {
+        return false;
+    }
+    observation
+        .mask
+        .is_none_or(|mask| mask.row(y as usize)[x as usize] != 0)
+}

@@ -1,0 +1,204 @@
+//! What would the answer have been for other n?
+//!
+//! An evaluation asks every query for many numbers of features n. The features are ranked, so the map
+//! for a smaller n is a prefix of the one for a larger n, and one pass over the distances serves all.
+//! Appearances do not depend on the method, so what they say of a query is kept for the next localizer.
+//! A test holds the tallies equal to those of [`Localizer::localize`] for each n.
+
+use super::{Localizer, Plan, Query, Score, Scratch};
+use crate::error::{Error, ErrorKind, Result};
+use crate::map::NodeId;
+use crate::predict::Selection;
+
+/// What speaks for one place at one n.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Matches.
+    pub count: u32,
+    /// Matches that agree on one displacement.
+    pub inliers: u32,
+}
+
+impl Tally {
+    /// The number that `score` ranks by.
+    pub fn of(self, score: Score) -> u32 {
+        match score {
+            Score::Count => self.count,
+            Score::Inliers => self.inliers,
+        }
+    }
+
+    /// The better of two appearances, for each score by itself.
+    fn max(self, other: Self) -> Self {
+        Self {
+            count: self.count.max(other.count),
+            inliers: self.inliers.max(other.inliers),
+        }
+    }
+}
+
+/// The answers to one query for several n, and what localizers of the same snapshot and matching rules
+/// can share about it.
+#[derive(Clone, Debug)]
+pub struct Sweep {
+    sizes: Vec<usize>,
+    /// Tally of node and size at `node * sizes.len() + size`.
+    tallies: Vec<Tally>,
+    pairs_compared: Vec<u64>,
+    /// For each node and visit, what its appearance says at each size; empty where not yet asked.
+    appearances: Vec<Vec<Vec<Tally>>>,
+}
+
+impl Sweep {
+    /// For these numbers of features a place, which must ascend from 1.
+    pub fn new(sizes: &[usize]) -> Result<Self> {
+        if sizes.is_empty() || sizes[0] == 0 || sizes.windows(2).any(|pair| pair[0] >= pair[1]) {
+            return Err(Error::new(
+                ErrorKind::Config,
+                format!("numbers of features must ascend from 1, not {sizes:?}"),
+            ));
+        }
+        Ok(Self {
+            sizes: sizes.to_vec(),
+            tallies: Vec::new(),
+            pairs_compared: Vec::new(),
+            appearances: Vec::new(),
+        })
+    }
+
+    /// Forgets what is known of the last query; to be called before each new one, and when the snapshot
+    /// or the matching rules change.
+    pub fn restart(&mut self) {
+        for visit in self.appearances.iter_mut().flatten() {
+            visit.clear();
+        }
+    }
+
+    /// The numbers of features.
+    pub fn sizes(&self) -> &[usize] {
+        &self.sizes
+    }
+
+    /// What speaks for `node` at the `size`-th number of features, by the last localizer.
+    ///
+    /// # Panics
+    /// If there is no such node or size.
+    pub fn tally(&self, node: NodeId, size: usize) -> Tally {
+        self.tallies[node.0 as usize * self.sizes.len() + size]
+    }
+
+    /// Hamming distances that the last localizer needs at each number of features.
+    pub fn pairs_compared(&self) -> &[u64] {
+        &self.pairs_compared
+    }
+}
+
+impl Localizer {
+    /// What speaks for every place at each of the sweep's numbers of features.
+    ///
+    /// Errors are those of [`localize_into`](Self::localize_into).
+    pub fn sweep(&self, scratch: &mut Scratch, query: &Query<'_>, sweep: &mut Sweep) -> Result<()> {
+        let time = self.check(query)?;
+        let Sweep {
+            sizes,
+            tallies,
+            pairs_compared,
+            appearances,
+        } = sweep;
+        let largest = sizes.last().copied().unwrap_or_default();
+        tallies.clear();
+        tallies.resize(self.plans.len() * sizes.len(), Tally::default());
+        pairs_compared.clear();
+        pairs_compared.resize(sizes.len(), 0);
+        appearances.resize_with(self.plans.len(), Vec::new);
+        let num_live = query.features.len();
+        let mut count_pairs = |num_ranked: usize| {
+            for (pairs, &size) in pairs_compared.iter_mut().zip(sizes.iter()) {
+                *pairs += (size.min(num_ranked) * num_live) as u64;
+            }
+        };
+        for (id, tallies) in (0..).map(NodeId).zip(tallies.chunks_mut(sizes.len())) {
+            match &self.plans[id.0 as usize] {
+                Plan::Predicted(model) => {
+                    self.predict(scratch, id, model.as_ref(), time, Selection::Top(largest));
+                    count_pairs(scratch.ranked.len());
+                    let ranked = std::mem::take(&mut scratch.ranked);
+                    self.tally_into(scratch, ranked.view(), query, sizes, tallies);
+                    scratch.ranked = ranked;
+                }
+                plan @ Plan::Appearances { .. } => {
+                    plan.visits_into(time, &mut scratch.likely, &mut scratch.visits);
+                    let known = &mut appearances[id.0 as usize];
+                    known.resize_with(self.snapshot.node(id).visits.len(), Vec::new);
+                    let visits = std::mem::take(&mut scratch.visits);
+                    for &visit in &visits {
+                        let ranked = self.appearance(id, visit, largest);
+                        count_pairs(ranked.len());
+                        let known = &mut known[visit as usize];
+                        if known.is_empty() {
+                            known.resize(sizes.len(), Tally::default());
+                            self.tally_into(scratch, ranked, query, sizes, known);
+                        }
+                        for (tally, known) in tallies.iter_mut().zip(known.iter()) {
+                            *tally = tally.max(*known);
+                        }
+                    }
+                    scratch.visits = visits;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// How many of the `top` most likely features of a place are found in the live image, each counted
+    /// once (T-RO 2017 VII-C, table I), within the displacement of the reference recipe.
+    ///
+    /// `None` for methods that predict no features.
+    pub fn reobserved(
+        &self,
+        scratch: &mut Scratch,
+        query: &Query<'_>,
+        node: NodeId,
+        top: usize,
+    ) -> Result<Option<usize>> {
+        let time = self.check(query)?;
+        let Plan::Predicted(model) = &self.plans[node.0 as usize] else {
+            return Ok(None);
+        };
+        self.predict(scratch, node, model.as_ref(), time, Selection::Top(top));
+        let (ranked, live) = (scratch.ranked.view(), query.features.view());
+        (self.matcher).matches_into(&mut scratch.matching, ranked, live, &mut scratch.matches);
+        let window = crate::matching::Window::REFERENCE;
+        let found = (scratch.matches.iter()).filter(|found| {
+            window.contains(
+                &ranked.keypoints[found.map as usize],
+                &live.keypoints[found.live as usize],
+            )
+        });
+        scratch.visits.clear();
+        scratch.visits.extend(found.map(|found| found.map));
+        scratch.visits.sort_unstable();
+        scratch.visits.dedup();
+        Ok(Some(scratch.visits.len()))
+    }
+
+    fn tally_into(
+        &self,
+        scratch: &mut Scratch,
+        ranked: crate::feature::FeaturesView<'_>,
+        query: &Query<'_>,
+        sizes: &[usize],
+        out: &mut [Tally],
+    ) {
+        let live = query.features.view();
+        let Scratch {
+            matching, verify, ..
+        } = scratch;
+        (self.matcher).prefixes_into(matching, ranked, live, sizes, |size, matches| {
+            out[size] = Tally {
+                count: matches.len() as u32,
+                inliers: verify.vote(&self.cfg, matches, ranked, live).num_inliers,
+            };
+        });
+    }
+}

@@ -1,0 +1,317 @@
+//! How does a snapshot grow without breaking its invariants?
+//!
+//! [`Node::push_visit`] keeps features, visits and log of a place in step; [`Snapshot::check`] says
+//! of any snapshot whether a store may hold it. What is worth adding is decided by `learn`.
+
+use std::collections::{BTreeSet, HashSet};
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::format::{MAX_FEATURES, MAX_TEXT_BYTES};
+use super::types::{AppearanceUse, Edge, MapMeta, Node, NodeId, PlaceKey, Snapshot, Visit};
+use crate::error::{Error, ErrorKind, Result};
+use crate::feature::Features;
+use crate::time::Time;
+use crate::visibility::BitRow;
+
+impl Node {
+    /// Appends one visit with the features `born` at it.
+    ///
+    /// `seen` has a bit for each feature known before, then one for each born now; `hidden`, where
+    /// given, is as long and marks what could not be observed. A feature born now need not be seen:
+    /// a builder that looks at all images first enters its features with the first visit. On error
+    /// nothing has changed. O(born + bits).
+    pub fn push_visit(
+        &mut self,
+        visit: Visit,
+        born: &Features,
+        seen: BitRow,
+        hidden: Option<BitRow>,
+    ) -> Result<()> {
+        let num_features = self.features.len() + born.len();
+        if seen.len() != num_features {
+            return Err(Error::new(
+                ErrorKind::Shape,
+                format!(
+                    "place `{}`: {} seen bits do not cover {} known and {} new features",
+                    self.key,
+                    seen.len(),
+                    self.features.len(),
+                    born.len()
+                ),
+            ));
+        }
+        self.log.push_visit(visit.time, seen, hidden)?;
+        self.visits.push(visit);
+        for (&keypoint, &descriptor) in born.keypoints().iter().zip(born.descriptors()) {
+            self.features.push(keypoint, descriptor);
+        }
+        Ok(())
+    }
+
+    /// The ids of the features born at `visit`.
+    ///
+    /// # Panics
+    /// If there is no such visit.
+    pub fn born_at(&self, visit: usize) -> Range<usize> {
+        let before = match visit.checked_sub(1) {
+            Some(previous) => self.log.seen_row(previous).len(),
+            None => 0,
+        };
+        before..self.log.seen_row(visit).len()
+    }
+
+    /// The earliest and the latest time of its visits.
+    pub fn time_span(&self) -> Option<(Time, Time)> {
+        let times = self.log.times();
+        Some((*times.iter().min()?, *times.iter().max()?))
+    }
+
+    /// Whether features, visits and log are in step and everything can be stored.
+    pub fn check(&self) -> Result<()> {
+        let shape = |message: String| {
+            Err(Error::new(ErrorKind::Shape, message).with_place(format!("place `{}`", self.key)))
+        };
+        let (features, visits) = (self.features.len(), self.visits.len());
+        if self.log.num_features() != features || self.log.num_visits() != visits {
+            return shape(format!(
+                "{features} features and {visits} visits do not pair with a log of {} and {}",
+                self.log.num_features(),
+                self.log.num_visits()
+            ));
+        }
+        if features > MAX_FEATURES {
+            return shape(format!(
+                "{features} features, where a place holds at most {MAX_FEATURES}"
+            ));
+        }
+        if let Some(at) = self
+            .visits
+            .iter()
+            .zip(self.log.times())
+            .position(|(visit, &time)| visit.time != time)
+        {
+            return shape(format!("visit {at} and the log differ in time"));
+        }
+        if self.pose.is_some_and(|p| p.iter().any(|x| !x.is_finite())) {
+            return shape("its pose is not finite".into());
+        }
+        if let Some(id) = first_not_finite(&self.features) {
+            return shape(format!("keypoint {id} is not finite"));
+        }
+        for (at, visit) in self.visits.iter().enumerate() {
+            if visit.source.len() > MAX_TEXT_BYTES {
+                return shape(format!(
+                    "the source of visit {at} is longer than {MAX_TEXT_BYTES} bytes"
+                ));
+            }
+            if let Some(appearance) = &visit.appearance {
+                if appearance.len() > MAX_FEATURES {
+                    return shape(format!(
+                        "the appearance of visit {at} has more than {MAX_FEATURES} features"
+                    ));
+                }
+                if let Some(id) = first_not_finite(appearance) {
+                    return shape(format!(
+                        "keypoint {id} of the appearance of visit {at} is not finite"
+                    ));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn first_not_finite(features: &Features) -> Option<usize> {
+    features.keypoints().iter().position(|k| {
+        [k.x, k.y, k.size, k.response]
+            .iter()
+            .any(|number| !number.is_finite())
+    })
+}
+
+impl MapMeta {
+    /// Whether it can be stored.
+    pub fn check(&self) -> Result<()> {
+        let zone = self.zone.as_deref().unwrap_or_default();
+        for (what, text) in [
+            ("extractor", self.extractor.as_str()),
+            ("preset", self.preset.as_str()),
+            ("zone", zone),
+        ] {
+            if text.len() > MAX_TEXT_BYTES {
+                return Err(Error::new(
+                    ErrorKind::Config,
+                    format!("the map's {what} is longer than {MAX_TEXT_BYTES} bytes"),
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Snapshot {
+    /// Appends a place; a key that the map has already is an error.
+    pub fn push_node(&mut self, node: Node) -> Result<NodeId> {
+        if self.find(&node.key).is_some() {
+            return Err(Error::new(
+                ErrorKind::Config,
+                format!("the map has a place `{}` already", node.key),
+            ));
+        }
+        self.nodes.push(Arc::new(node));
+        Ok(NodeId(self.nodes.len() as u32 - 1))
+    }
+
+    /// The place with this key, appended without visits if there is none.
+    pub fn find_or_add(&mut self, key: &PlaceKey) -> NodeId {
+        self.find(key).unwrap_or_else(|| {
+            self.nodes.push(Arc::new(Node::new(key.clone())));
+            NodeId(self.nodes.len() as u32 - 1)
+        })
+    }
+
+    /// The node with this id, to be changed; it is copied first if another snapshot shares it.
+    ///
+    /// # Panics
+    /// If the id is of another snapshot.
+    pub fn node_mut(&mut self, id: NodeId) -> &mut Node {
+        Arc::make_mut(&mut self.nodes[id.0 as usize])
+    }
+
+    /// Appends a way between two places of the map; false if it was there.
+    pub fn add_edge(&mut self, edge: Edge) -> Result<bool> {
+        for key in [&edge.from, &edge.to] {
+            if self.find(key).is_none() {
+                return Err(unknown_place(key));
+            }
+        }
+        let is_new = !self.edges.contains(&edge);
+        if is_new {
+            self.edges.push(edge);
+        }
+        Ok(is_new)
+    }
+
+    /// Whether a store may hold it: every place is sound, keys and visits are unique, edges join
+    /// places of the map.
+    pub fn check(&self) -> Result<()> {
+        self.check_frame()?;
+        let mut visits = HashSet::new();
+        for node in &self.nodes {
+            node.check()?;
+            if let Some(twice) = node.visits.iter().find(|visit| !visits.insert(visit.id)) {
+                return Err(Error::new(
+                    ErrorKind::Config,
+                    format!("visit {} is in the map twice", twice.id),
+                )
+                .with_place(format!("place `{}`", node.key)));
+            }
+        }
+        Ok(())
+    }
+
+    /// [`check`](Self::check) without looking into the places.
+    pub(super) fn check_frame(&self) -> Result<()> {
+        self.meta.check()?;
+        if u32::try_from(self.nodes.len()).is_err() {
+            return Err(Error::new(
+                ErrorKind::Shape,
+                "a map holds at most 2^32 - 1 places",
+            ));
+        }
+        let mut keys = BTreeSet::new();
+        if let Some(twice) = self.nodes.iter().find(|node| !keys.insert(&node.key)) {
+            return Err(Error::new(
+                ErrorKind::Config,
+                format!("place `{}` is in the map twice", twice.key),
+            ));
+        }
+        for edge in &self.edges {
+            if let Some(key) = [&edge.from, &edge.to]
+                .into_iter()
+                .find(|k| !keys.contains(k))
+            {
+                return Err(unknown_place(key));
+            }
+            if edge.name.len() > MAX_TEXT_BYTES {
+                return Err(Error::new(
+                    ErrorKind::Config,
+                    format!("the name of an edge is longer than {MAX_TEXT_BYTES} bytes"),
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// What it holds, in numbers. O(places + visits).
+    pub fn summary(&self) -> Summary {
+        let mut sessions = BTreeSet::new();
+        let mut summary = Summary {
+            generation: self.generation,
+            num_places: self.nodes.len(),
+            num_edges: self.edges.len(),
+            ..Summary::default()
+        };
+        for node in &self.nodes {
+            summary.num_visits += node.visits.len();
+            summary.num_features += node.features.len();
+            summary.num_bytes += node.features.len() * FEATURE_BYTES;
+            if let Some((first, last)) = node.time_span() {
+                summary.first = Some(summary.first.map_or(first, |time| time.min(first)));
+                summary.last = Some(summary.last.map_or(last, |time| time.max(last)));
+            }
+            for (at, visit) in node.visits.iter().enumerate() {
+                sessions.insert(visit.session);
+                let rows = 1 + usize::from(node.log.hidden_row(at).is_some());
+                summary.num_bytes += rows * node.log.seen_row(at).words().len() * 8;
+                if let Some(appearance) = &visit.appearance {
+                    summary.num_appearances += 1;
+                    summary.num_bytes += appearance.len() * FEATURE_BYTES;
+                    let is_experience = visit.appearance_use == AppearanceUse::Experience;
+                    summary.num_experiences += usize::from(is_experience);
+                }
+            }
+        }
+        summary.num_sessions = sessions.len();
+        summary
+    }
+}
+
+/// Bytes of a keypoint and its descriptor.
+const FEATURE_BYTES: usize = 48;
+
+fn unknown_place(key: &PlaceKey) -> Error {
+    Error::new(
+        ErrorKind::Config,
+        format!("an edge names the place `{key}`, which the map does not have"),
+    )
+    .with_help("add the place first")
+}
+
+/// What a [`Snapshot`] holds, in numbers.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Summary {
+    /// Which commit it is.
+    pub generation: u64,
+    /// Places.
+    pub num_places: usize,
+    /// Ways between them.
+    pub num_edges: usize,
+    /// Runs that the visits belong to.
+    pub num_sessions: usize,
+    /// Visits of all places.
+    pub num_visits: usize,
+    /// Visits whose own features are kept.
+    pub num_appearances: usize,
+    /// Those of them that are experiences of their place.
+    pub num_experiences: usize,
+    /// Features of all places, without those of appearances.
+    pub num_features: usize,
+    /// Bytes of features, logs and appearances.
+    pub num_bytes: usize,
+    /// The earliest visit.
+    pub first: Option<Time>,
+    /// The latest visit.
+    pub last: Option<Time>,
+}

@@ -1,0 +1,144 @@
+//! How does AVX-512 with VPOPCNTDQ count? Sixteen rows at once, several queries per pass.
+
+use std::arch::x86_64::{
+    __m256i, __m512i, _mm256_storeu_si256, _mm512_add_epi32, _mm512_add_epi64,
+    _mm512_cmpeq_epu32_mask, _mm512_cmpge_epu32_mask, _mm512_cmplt_epu32_mask,
+    _mm512_cvtepi32_epi16, _mm512_load_si512, _mm512_mask_mov_epi32, _mm512_max_epu32,
+    _mm512_min_epu32, _mm512_or_si512, _mm512_popcnt_epi64, _mm512_reduce_min_epu32,
+    _mm512_set_epi32, _mm512_set1_epi32, _mm512_set1_epi64, _mm512_setzero_si512,
+    _mm512_slli_epi64, _mm512_ternarylogic_epi64, _mm512_xor_si512,
+};
+use std::ops::Range;
+
+use super::packed::{Group, ROWS_PER_GROUP};
+use super::{DISTANCE_SHIFT, NO_KEY};
+
+/// Queries whose state stays in registers while a group of rows is read once.
+const QUERIES_PER_PASS: usize = 4;
+
+/// A query's words, each in every lane.
+type Spread = [__m512i; 4];
+
+/// The two smallest keys of `rows`, counted from `groups[0]`, for each query.
+#[target_feature(enable = "avx512f,avx512vpopcntdq")]
+pub(super) fn two_smallest_keys(
+    queries: &[[u64; 4]],
+    groups: &[Group],
+    rows: Range<u32>,
+    keys: &mut [[u32; 2]],
+) {
+    let (passes, rest) = queries.as_chunks::<QUERIES_PER_PASS>();
+    let (keys_of_passes, keys_of_rest) = keys.as_chunks_mut::<QUERIES_PER_PASS>();
+    for (queries, keys) in passes.iter().zip(keys_of_passes) {
+        pass(queries, groups, &rows, keys);
+    }
+    for (query, keys) in rest.iter().zip(keys_of_rest) {
+        pass(
+            std::array::from_ref(query),
+            groups,
+            &rows,
+            std::array::from_mut(keys),
+        );
+    }
+}
+
+#[target_feature(enable = "avx512f,avx512vpopcntdq")]
+#[inline]
+fn pass<const N: usize>(
+    queries: &[[u64; 4]; N],
+    groups: &[Group],
+    rows: &Range<u32>,
+    keys: &mut [[u32; 2]; N],
+) {
+    let no_key = _mm512_set1_epi32(NO_KEY.cast_signed());
+    let mut queries_spread = [[no_key; 4]; N];
+    for (spread, query) in queries_spread.iter_mut().zip(queries) {
+        *spread = self::spread(query);
+    }
+    let mut best = [no_key; N];
+    let mut second = [no_key; N];
+    let start = _mm512_set1_epi32(rows.start.cast_signed());
+    let end = _mm512_set1_epi32(rows.end.cast_signed());
+    let first_group = rows.start as usize / ROWS_PER_GROUP;
+    let group_end = (rows.end as usize).div_ceil(ROWS_PER_GROUP);
+    for (index, group) in groups[..group_end].iter().enumerate().skip(first_group) {
+        let first_row = (index * ROWS_PER_GROUP) as u32;
+        let mut row = _mm512_add_epi32(
+            _mm512_set_epi32(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0),
+            _mm512_set1_epi32(first_row.cast_signed()),
+        );
+        if first_row < rows.start || first_row + ROWS_PER_GROUP as u32 > rows.end {
+            // All ones, once merged into a key, make the key of a row outside the range `NO_KEY`.
+            let inside = _mm512_cmpge_epu32_mask(row, start) & _mm512_cmplt_epu32_mask(row, end);
+            row = _mm512_mask_mov_epi32(no_key, inside, row);
+        }
+        for n in 0..N {
+            let (even, odd) = distances_of_group(&queries_spread[n], group);
+            let key = _mm512_ternarylogic_epi64::<0xFE>(
+                _mm512_slli_epi64::<DISTANCE_SHIFT>(even),
+                _mm512_slli_epi64::<{ DISTANCE_SHIFT + 32 }>(odd),
+                row,
+            );
+            second[n] = _mm512_min_epu32(second[n], _mm512_max_epu32(best[n], key));
+            best[n] = _mm512_min_epu32(best[n], key);
+        }
+    }
+    for n in 0..N {
+        // Keys differ in their rows, so exactly one lane holds the best; there its second competes.
+        let smallest = _mm512_reduce_min_epu32(best[n]);
+        let lane = _mm512_cmpeq_epu32_mask(best[n], _mm512_set1_epi32(smallest.cast_signed()));
+        let others = _mm512_mask_mov_epi32(best[n], lane, no_key);
+        keys[n] = [
+            smallest,
+            _mm512_reduce_min_epu32(_mm512_min_epu32(others, second[n])),
+        ];
+    }
+}
+
+#[target_feature(enable = "avx512f")]
+#[inline]
+fn spread(query: &[u64; 4]) -> Spread {
+    let mut spread = [_mm512_setzero_si512(); 4];
+    for (lanes, word) in spread.iter_mut().zip(query) {
+        *lanes = _mm512_set1_epi64(word.cast_signed());
+    }
+    spread
+}
+
+/// Distances to the even and to the odd rows of a group, in 64-bit lanes.
+#[target_feature(enable = "avx512f,avx512vpopcntdq")]
+#[inline]
+fn distances_of_group(query: &Spread, group: &Group) -> (__m512i, __m512i) {
+    let words = group.0.as_chunks::<8>().0;
+    let mut counts = [_mm512_setzero_si512(); 8];
+    for ((counts, words), half) in counts.iter_mut().zip(words).zip(0..) {
+        // SAFETY: `words` are 64 readable bytes, on a multiple of 64 because `Group` is aligned so.
+        let words = unsafe { _mm512_load_si512(words.as_ptr().cast()) };
+        *counts = _mm512_popcnt_epi64(_mm512_xor_si512(words, query[half / 2]));
+    }
+    (
+        _mm512_add_epi64(
+            _mm512_add_epi64(counts[0], counts[2]),
+            _mm512_add_epi64(counts[4], counts[6]),
+        ),
+        _mm512_add_epi64(
+            _mm512_add_epi64(counts[1], counts[3]),
+            _mm512_add_epi64(counts[5], counts[7]),
+        ),
+    )
+}
+
+/// The distance of `query` to the first `out.len()` rows.
+#[target_feature(enable = "avx512f,avx512vpopcntdq")]
+pub(super) fn distances(query: &[u64; 4], groups: &[Group], out: &mut [u16]) {
+    let query = spread(query);
+    for (group, out) in groups.iter().zip(out.chunks_mut(ROWS_PER_GROUP)) {
+        let (even, odd) = distances_of_group(&query, group);
+        let both = _mm512_or_si512(even, _mm512_slli_epi64::<32>(odd));
+        let narrow: __m256i = _mm512_cvtepi32_epi16(both);
+        let mut lanes = [0_u16; ROWS_PER_GROUP];
+        // SAFETY: `lanes` are 32 writable bytes, and this store needs no alignment.
+        unsafe { _mm256_storeu_si256(lanes.as_mut_ptr().cast(), narrow) };
+        out.copy_from_slice(&lanes[..out.len()]);
+    }
+}

@@ -1,0 +1,38 @@
+//! What is the right answer? The plain twin that every other kernel must equal bit for bit.
+
+use std::ops::Range;
+
+use super::packed::{Group, ROWS_PER_GROUP};
+use super::{DISTANCE_SHIFT, NO_KEY};
+
+#[inline]
+fn distance_bits(a: &[u64; 4], b: &[u64; 4]) -> u32 {
+    a.iter().zip(b).map(|(a, b)| (a ^ b).count_ones()).sum()
+}
+
+/// The two smallest keys of `rows`, counted from `groups[0]`, for each query.
+pub(super) fn two_smallest_keys(
+    queries: &[[u64; 4]],
+    groups: &[Group],
+    rows: Range<u32>,
+    keys: &mut [[u32; 2]],
+) {
+    keys.fill([NO_KEY; 2]);
+    for row in rows {
+        let words = groups[row as usize / ROWS_PER_GROUP].row(row as usize % ROWS_PER_GROUP);
+        for (query, [best, second]) in queries.iter().zip(keys.iter_mut()) {
+            let key = (distance_bits(query, &words) << DISTANCE_SHIFT) | row;
+            *second = (*second).min((*best).max(key));
+            *best = (*best).min(key);
+        }
+    }
+}
+
+/// The distance of `query` to the first `out.len()` rows.
+pub(super) fn distances(query: &[u64; 4], groups: &[Group], out: &mut [u16]) {
+    for (group, out) in groups.iter().zip(out.chunks_mut(ROWS_PER_GROUP)) {
+        for (row, out) in out.iter_mut().enumerate() {
+            *out = distance_bits(query, &group.row(row)) as u16;
+        }
+    }
+}

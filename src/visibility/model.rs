@@ -1,0 +1,59 @@
+//! What can be asked of every model of visibility?
+
+use std::fmt::Debug;
+
+use crate::time::Time;
+
+/// One rhythm of one feature: `amplitude cos(2 pi t / period_s + phase_rad)`, with t in seconds since
+/// the Unix epoch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Component {
+    /// The length of a cycle, in seconds.
+    pub period_s: f64,
+    /// How far p(t) swings to either side: `2 abs(g_k)`.
+    pub amplitude: f64,
+    /// `arg g_k`, in (-pi, pi].
+    pub phase_rad: f64,
+}
+
+/// The visibility p(t) of every feature of one place.
+pub trait VisibilityModel: Debug + Send + Sync {
+    /// Features of the place when the model was fitted.
+    fn num_features(&self) -> usize;
+
+    /// Writes p(`time`) of every feature; each is in [0, 1].
+    ///
+    /// # Panics
+    /// If `out` is not [`num_features`](Self::num_features) long.
+    fn predict_into(&self, time: Time, out: &mut [f64]);
+
+    /// p(`time`) of one feature, equal to its entry of [`predict_into`](Self::predict_into) bit for
+    /// bit.
+    ///
+    /// # Panics
+    /// If there is no such feature.
+    fn predict_one(&self, feature: usize, time: Time) -> f64;
+
+    /// Writes what features are ranked by: p(`time`) before it is clamped to [0, 1], where the model has
+    /// such a number, so that features whose p is clamped alike still differ.
+    ///
+    /// # Panics
+    /// If `out` is not [`num_features`](Self::num_features) long.
+    fn score_into(&self, time: Time, out: &mut [f64]) {
+        self.predict_into(time, out);
+    }
+
+    /// The most rhythms that a feature may have: 0 if p does not depend on time through rhythms.
+    fn order(&self) -> usize {
+        0
+    }
+
+    /// The rhythms of one feature, strongest first: none for a model that has none.
+    ///
+    /// # Panics
+    /// If there is no such feature.
+    fn components(&self, feature: usize) -> Vec<Component> {
+        assert!(feature < self.num_features(), "no feature {feature}");
+        Vec::new()
+    }
+}

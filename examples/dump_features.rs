@@ -1,5 +1,5 @@
 //! Writes the grey bytes and all features of images to stdout, for `scripts/parity.py` and
-//! `scripts/make_golden.py` to compare with `OpenCV`'s.
+//! `scripts/make_golden.py` to compare with OpenCV's.
 //!
 //! One job a line on stdin: `{"path": "...", "options": LoadOptions, "config": StarBriefConfig}`, the last two
 //! optional. For each job, in order, little-endian:

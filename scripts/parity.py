@@ -13,6 +13,7 @@ Exits with 0 if everything is equal, 1 if anything differs, 2 if nothing could b
 
 import csv
 import json
+import os
 import pathlib
 import struct
 import subprocess
@@ -26,10 +27,17 @@ import numpy as np
 SUFFIXES = {".bmp", ".jpg", ".jpeg", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp"}
 
 
+def files_below(root):
+    """Every file below root, also through symbolic links, in order."""
+    for folder, folders, files in os.walk(root, followlinks=True):
+        folders.sort()
+        yield from (pathlib.Path(folder, file) for file in sorted(files))
+
+
 def jobs_of(root):
     """{folder: [job]} of all indices below root, else of all folders with images."""
     sets = {}
-    for index in sorted(root.rglob("index.csv")):
+    for index in (path for path in files_below(root) if path.name == "index.csv"):
         jobs = []
         with index.open(newline="") as rows:
             for row in csv.DictReader(rows):
@@ -49,8 +57,8 @@ def jobs_of(root):
         if jobs:
             sets[index.parent] = jobs
     if not sets:
-        for path in sorted(root.rglob("*")):
-            if path.suffix.lower() in SUFFIXES and path.is_file():
+        for path in files_below(root):
+            if path.suffix.lower() in SUFFIXES:
                 sets.setdefault(path.parent, []).append({"path": str(path), "options": {}})
     return sets
 

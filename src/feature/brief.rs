@@ -7,7 +7,7 @@
 //! bit_i = box(x + xa_i, y + ya_i) < box(x + xb_i, y + yb_i)
 //! ```
 //!
-//! The bits are those of `OpenCV`'s `BriefDescriptorExtractor` (32 bytes, no orientation) on the same
+//! The bits are those of OpenCV's `BriefDescriptorExtractor` (32 bytes, no orientation) on the same
 //! grey bytes. Source: Calonder, Lepetit, Strecha, Fua: *BRIEF: Binary Robust Independent Elementary
 //! Features*, ECCV 2010.
 //!
@@ -110,12 +110,12 @@ fn smooth(image: &GrayImage, scratch: &mut BriefScratch) -> usize {
     columns.resize(width, 0);
     for y in 0..BOX_PX - 1 {
         for (sum, &pixel) in columns.iter_mut().zip(image.row(y)) {
-            *sum += u16::from(pixel);
+            *sum = sum.wrapping_add(u16::from(pixel));
         }
     }
     for (y, out) in boxes.chunks_exact_mut(across).enumerate() {
         for (sum, &pixel) in columns.iter_mut().zip(image.row(y + BOX_PX - 1)) {
-            *sum += u16::from(pixel);
+            *sum = sum.wrapping_add(u16::from(pixel));
         }
         // Nine neighbours as 1 + 8 = 1 + 2 * (2 * 2): three additions of shifted rows.
         add_shifted(columns, 1, pairs);
@@ -123,10 +123,10 @@ fn smooth(image: &GrayImage, scratch: &mut BriefScratch) -> usize {
         let (left, right) = (&quads[..across], &quads[4..][..across]);
         let ninth = &columns[BOX_PX - 1..][..across];
         for i in 0..across {
-            out[i] = left[i] + right[i] + ninth[i];
+            out[i] = left[i].wrapping_add(right[i]).wrapping_add(ninth[i]);
         }
         for (sum, &pixel) in columns.iter_mut().zip(image.row(y)) {
-            *sum -= u16::from(pixel);
+            *sum = sum.wrapping_sub(u16::from(pixel));
         }
     }
     across

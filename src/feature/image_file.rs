@@ -8,7 +8,7 @@
 //!   OpenCV 4 and 5 take them;
 //! - 16-bit channels keep their high byte (`v >> 8`);
 //! - alpha is ignored: the colours count as they are stored, transparent or not;
-//! - the orientation that a camera wrote into the EXIF data is applied, as viewers and `OpenCV` do;
+//! - the orientation that a camera wrote into the EXIF data is applied, as viewers and OpenCV do;
 //! - scaling is bilinear with half-pixel centres: output pixel `i` samples `(i + 0.5) / scale - 0.5`,
 //!   clamped to the image, with weights in 1/2048 ([`GrayImage::scaled`]).
 //!
@@ -372,6 +372,13 @@ fn to_gray(image: DynamicImage) -> Result<Vec<u8>> {
     })
 }
 
+/// The grey of every pixel of 8-bit BGR samples.
+#[cfg(feature = "opencv")]
+pub(super) fn gray_from_bgr(samples: &[u8]) -> Vec<u8> {
+    let pixels = samples.as_chunks::<3>().0.iter();
+    pixels.map(|p| luma(p[2], p[1], p[0])).collect()
+}
+
 fn luma(red: u8, green: u8, blue: u8) -> u8 {
     let sum = 9_798 * u32::from(red) + 19_235 * u32::from(green) + 3_735 * u32::from(blue);
     ((sum + (1 << 14)) >> 15) as u8
@@ -475,7 +482,7 @@ impl GrayImage {
     ///
     /// Weights are rounded to 1/2048; the sum along a row keeps 15 bits, each of the two rows of a
     /// column 10, so that results are within one grey level of exact arithmetic. This is the
-    /// arithmetic of `OpenCV`'s 8-bit `INTER_LINEAR`. Shrinking below one half skips pixels.
+    /// arithmetic of OpenCV's 8-bit `INTER_LINEAR`. Shrinking below one half skips pixels.
     ///
     /// A factor that is not positive or leaves no pixels is an error.
     pub fn scaled(&self, scale: f64) -> Result<Self> {

@@ -7,13 +7,19 @@
 
 pub mod brief;
 mod brief_pairs;
+mod extractor_config;
 pub mod image_file;
+#[cfg(feature = "opencv")]
+pub mod opencv_input;
+#[cfg(feature = "opencv")]
+pub mod opencv_keypoints;
+mod selection;
 pub mod star;
 mod star_brief;
 mod types;
 
+pub use extractor_config::{CornerBriefConfig, ExtractorConfig};
 pub use image_file::{DecodeLimits, LoadOptions, PixelDigest, Rotation, load_gray, load_mask};
-pub use star::StarParams;
 pub use star_brief::{StarBrief, StarBriefConfig};
 pub use types::{Descriptor, Features, FeaturesView, GrayImage, Keypoint, Rect};
 

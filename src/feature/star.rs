@@ -1,8 +1,8 @@
 //! Where are the centres of bright and dark blobs, and how large are they (STAR)?
 //!
-//! STAR is the centre-surround detector `CenSurE` (Agrawal, Konolige, Blas: *`CenSurE`: Center Surround
+//! STAR is the centre-surround detector CenSurE (Agrawal, Konolige, Blas: *CenSurE: Center Surround
 //! Extremas for Realtime Feature Detection and Matching*, ECCV 2008) with the star-shaped two-level
-//! filter of `OpenCV`. The same grey bytes give the keypoints, sizes and responses of `OpenCV`'s
+//! filter of OpenCV. The same grey bytes give the keypoints, sizes and responses of OpenCV's
 //! `StarDetector`, bit for bit.
 //!
 //! # Filter
@@ -41,7 +41,7 @@
 //! samples that are `size / 4` px apart, `(Lxx + Lyy)^2 >= k (Lxx Lyy - Lxy^2)`, and by the same test
 //! on the "is of the same size" map.
 //!
-//! Deviation from the paper, kept because `OpenCV` has it and published results rest on it: a minimum
+//! Deviation from the paper, kept because OpenCV has it and published results rest on it: a minimum
 //! (dark blob) carries as its response not its own value but the largest one of its tile, or the
 //! threshold, so that over a third of all keypoints share a response.
 //!
@@ -50,8 +50,6 @@
 //! 69 px for `max_size` = 45.
 //!
 //! Not for: subpixel positions, orientations, or images under 140 px a side at the default size.
-
-use serde::{Deserialize, Serialize};
 
 use super::{GrayImage, Keypoint};
 use crate::error::{Error, ErrorKind, Result};
@@ -62,65 +60,17 @@ const FILTER_SIZES: [u8; 12] = [2, 4, 6, 8, 12, 16, 22, 32, 46, 64, 90, 128];
 /// Columns whose sums are made together: small enough for 14 rows of them to stay in the L1 cache.
 const CHUNK: usize = 128;
 
-/// The parameters of STAR; [`StarParams::default`] is the reference recipe.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct StarParams {
-    max_size: u8,
-    response_threshold: u16,
-    line_threshold_projected: u16,
-    line_threshold_binarized: u16,
-    suppress_nonmax_size: u8,
-}
-
-impl Default for StarParams {
-    fn default() -> Self {
-        Self {
-            max_size: 45,
-            response_threshold: 0,
-            line_threshold_projected: 10,
-            line_threshold_binarized: 8,
-            suppress_nonmax_size: 5,
-        }
-    }
+/// The parameters of STAR, as in [`StarBriefConfig`](super::StarBriefConfig).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StarParams {
+    pub(super) max_size: u8,
+    pub(super) response_threshold: u16,
+    pub(super) line_threshold_projected: u16,
+    pub(super) line_threshold_binarized: u16,
+    pub(super) suppress_nonmax_size: u8,
 }
 
 impl StarParams {
-    /// The first filter size that is not below this is the largest used, px; 5 to 128.
-    #[must_use]
-    pub fn with_max_size(mut self, px: u8) -> Self {
-        self.max_size = px;
-        self
-    }
-
-    /// Keypoints have a response of a larger magnitude than this, grey levels.
-    #[must_use]
-    pub fn with_response_threshold(mut self, levels: u16) -> Self {
-        self.response_threshold = levels;
-        self
-    }
-
-    /// `k` of the line test on responses; 4 rejects everything, larger is more permissive.
-    #[must_use]
-    pub fn with_line_threshold_projected(mut self, ratio: u16) -> Self {
-        self.line_threshold_projected = ratio;
-        self
-    }
-
-    /// `k` of the line test on sizes.
-    #[must_use]
-    pub fn with_line_threshold_binarized(mut self, ratio: u16) -> Self {
-        self.line_threshold_binarized = ratio;
-        self
-    }
-
-    /// Side of the window in which a keypoint is the only extremum, px; at most 64.
-    #[must_use]
-    pub fn with_suppress_nonmax_size(mut self, px: u8) -> Self {
-        self.suppress_nonmax_size = px;
-        self
-    }
-
     /// Whether a detector can work with these values.
     pub(super) fn check(&self) -> Result<()> {
         if !(5..=128).contains(&self.max_size) {
@@ -160,18 +110,6 @@ impl StarParams {
         self.filters()
             .last()
             .map_or(0, |&size| rhombus_radius(usize::from(size)))
-    }
-
-    /// The parameters as part of an extractor's id.
-    pub(super) fn id(&self) -> String {
-        format!(
-            "star({},{},{},{},{})",
-            self.max_size,
-            self.response_threshold,
-            self.line_threshold_projected,
-            self.line_threshold_binarized,
-            self.suppress_nonmax_size
-        )
     }
 }
 
@@ -349,7 +287,8 @@ fn cone_row(above: &[u32], above_2: &[u32], a: &[u8], b: &[u8], row: &mut [u32])
         row[i] = left[i]
             .wrapping_add(right[i])
             .wrapping_sub(twice[i])
-            .wrapping_add(u32::from(a[i]) + u32::from(b[i]));
+            .wrapping_add(u32::from(a[i]))
+            .wrapping_add(u32::from(b[i]));
     }
 }
 
@@ -433,7 +372,7 @@ fn keep_strongest(
     let (inner, outer, sizes) = (&inner[..n], &outer[..n], &mut sizes[..n]);
     let size = u32::from(filter.size);
     for i in 0..n {
-        let ring = outer[i] - inner[i];
+        let ring = outer[i].wrapping_sub(inner[i]);
         let response = inner[i] as f32 * filter.per_inner - ring as f32 * filter.per_ring;
         let stronger = response.abs() > best[i].abs();
         best[i] = if stronger { response } else { best[i] };

@@ -6,7 +6,7 @@
 //!
 //! The cut comes after the border filter, so that `num_features` counts features and not candidates.
 //! With `max_size` of 30 or more the order makes no difference: STAR's own border is then wider than
-//! BRIEF's. `OpenCV` leaves the order of equal responses, which over a third of keypoints share, to its
+//! BRIEF's. OpenCV leaves the order of equal responses, which over a third of keypoints share, to its
 //! sorting; ours is defined, so that the same image gives the same features everywhere.
 
 use std::sync::{Mutex, PoisonError};
@@ -14,44 +14,91 @@ use std::sync::{Mutex, PoisonError};
 use serde::{Deserialize, Serialize};
 
 use super::brief::{self, BriefScratch};
+use super::selection::{check_mask, drop_masked, sort_keypoints};
 use super::star::{self, StarParams, StarScratch};
-use super::{Extractor, Features, GrayImage, Keypoint};
-use crate::error::{Error, ErrorKind, Result};
+use super::{Extractor, ExtractorConfig, Features, GrayImage, Keypoint};
+use crate::error::Result;
 
 /// The configuration of [`StarBrief`]; the default is the reference recipe.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StarBriefConfig {
     num_features: usize,
-    star: StarParams,
+    max_size: u8,
+    response_threshold: u16,
+    line_threshold_projected: u16,
+    line_threshold_binarized: u16,
+    suppress_nonmax_size: u8,
 }
 
 impl Default for StarBriefConfig {
     fn default() -> Self {
         Self {
             num_features: 500,
-            star: StarParams::default(),
+            max_size: 45,
+            response_threshold: 0,
+            line_threshold_projected: 10,
+            line_threshold_binarized: 8,
+            suppress_nonmax_size: 5,
         }
     }
 }
 
 impl StarBriefConfig {
-    /// At most this many features of an image, the strongest.
+    /// At most this many features of an image, the strongest (500).
     #[must_use]
     pub fn with_num_features(mut self, num_features: usize) -> Self {
         self.num_features = num_features;
         self
     }
 
-    /// The detector's parameters.
+    /// The first filter size that is not below this is the largest used, px; 5 to 128 (45).
     #[must_use]
-    pub fn with_star(mut self, star: StarParams) -> Self {
-        self.star = star;
+    pub fn with_max_size(mut self, px: u8) -> Self {
+        self.max_size = px;
         self
+    }
+
+    /// Keypoints have a response of a larger magnitude than this, grey levels (0).
+    #[must_use]
+    pub fn with_response_threshold(mut self, levels: u16) -> Self {
+        self.response_threshold = levels;
+        self
+    }
+
+    /// `k` of the line test on responses; 4 rejects everything, larger permits more (10).
+    #[must_use]
+    pub fn with_line_threshold_projected(mut self, ratio: u16) -> Self {
+        self.line_threshold_projected = ratio;
+        self
+    }
+
+    /// `k` of the line test on sizes; 4 rejects everything, larger permits more (8).
+    #[must_use]
+    pub fn with_line_threshold_binarized(mut self, ratio: u16) -> Self {
+        self.line_threshold_binarized = ratio;
+        self
+    }
+
+    /// Side of the window in which a keypoint is the only extremum, px (5).
+    #[must_use]
+    pub fn with_suppress_nonmax_size(mut self, px: u8) -> Self {
+        self.suppress_nonmax_size = px;
+        self
+    }
+
+    fn star(&self) -> StarParams {
+        StarParams {
+            max_size: self.max_size,
+            response_threshold: self.response_threshold,
+            line_threshold_projected: self.line_threshold_projected,
+            line_threshold_binarized: self.line_threshold_binarized,
+            suppress_nonmax_size: self.suppress_nonmax_size,
+        }
     }
 }
 
-/// STAR keypoints with BRIEF-32 descriptors, bit-exact with `OpenCV`'s.
+/// STAR keypoints with BRIEF-32 descriptors, bit-exact with OpenCV's.
 pub struct StarBrief {
     config: StarBriefConfig,
     /// One per thread that extracts at the same time.
@@ -74,9 +121,9 @@ impl Default for StarBrief {
 }
 
 impl StarBrief {
-    /// An extractor; values it cannot work with are a [`ErrorKind::Config`] error.
+    /// An extractor; values it cannot work with are a [`ErrorKind::Config`](crate::ErrorKind::Config) error.
     pub fn new(config: StarBriefConfig) -> Result<Self> {
-        config.star.check()?;
+        config.star().check()?;
         Ok(Self {
             config,
             pool: Mutex::default(),
@@ -97,7 +144,12 @@ impl StarBrief {
     ) -> Result<Vec<Keypoint>> {
         check_mask(image, mask)?;
         let mut keypoints = Vec::new();
-        star::detect(image, &self.config.star, &mut scratch.star, &mut keypoints);
+        star::detect(
+            image,
+            &self.config.star(),
+            &mut scratch.star,
+            &mut keypoints,
+        );
         drop_masked(&mut keypoints, mask);
         sort_keypoints(&mut keypoints);
         Ok(keypoints)
@@ -114,11 +166,7 @@ impl StarBrief {
 
 impl Extractor for StarBrief {
     fn id(&self) -> String {
-        format!(
-            "{}+brief32;n={}",
-            self.config.star.id(),
-            self.config.num_features
-        )
+        ExtractorConfig::StarBrief(self.config.clone()).id()
     }
 
     fn extract(&self, image: &GrayImage, mask: Option<&GrayImage>) -> Result<Features> {
@@ -132,44 +180,4 @@ impl Extractor for StarBrief {
             Features::from_parts(keypoints, descriptors)
         })
     }
-}
-
-/// A mask of another size than its image is a [`ErrorKind::Shape`] error.
-pub(super) fn check_mask(image: &GrayImage, mask: Option<&GrayImage>) -> Result<()> {
-    match mask {
-        Some(mask) if (mask.width(), mask.height()) != (image.width(), image.height()) => {
-            Err(Error::new(
-                ErrorKind::Shape,
-                format!(
-                    "a mask of {} x {} px does not fit an image of {} x {} px",
-                    mask.width(),
-                    mask.height(),
-                    image.width(),
-                    image.height()
-                ),
-            )
-            .with_help("make the mask for the image after crop, rotation and scale"))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Drops keypoints whose nearest pixel is zero in `mask`.
-pub(super) fn drop_masked(keypoints: &mut Vec<Keypoint>, mask: Option<&GrayImage>) {
-    if let Some(mask) = mask {
-        keypoints.retain(|keypoint| {
-            let (x, y) = ((keypoint.x + 0.5) as usize, (keypoint.y + 0.5) as usize);
-            x < mask.width() && y < mask.height() && mask.row(y)[x] != 0
-        });
-    }
-}
-
-/// Sorts by response (descending), then `y`, then `x`.
-pub(super) fn sort_keypoints(keypoints: &mut [Keypoint]) {
-    keypoints.sort_unstable_by(|a, b| {
-        b.response
-            .total_cmp(&a.response)
-            .then(a.y.total_cmp(&b.y))
-            .then(a.x.total_cmp(&b.x))
-    });
 }

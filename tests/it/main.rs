@@ -1,6 +1,7 @@
 //! The one integration-test binary.
 
 mod dataset;
+mod feature;
 mod map;
 mod matching;
 mod spectrum;

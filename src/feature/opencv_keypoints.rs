@@ -1,0 +1,144 @@
+//! Which corners would ORB, FAST or AGAST find, described by our BRIEF?
+//!
+//! The detectors are OpenCV's; masks, order, cut and descriptors are ours, so that their features go
+//! wherever those of [`StarBrief`](super::StarBrief) go. ORB's corners come from a pyramid of 8 levels
+//! that shrink by 1.2 and are described in the full image, upright: BRIEF looks at the same patch size
+//! on every level.
+//!
+//! Sources: Rublee et al., *ORB*, ICCV 2011; Rosten, Drummond, *Machine learning for high-speed corner
+//! detection*, ECCV 2006; Mair et al., *Adaptive and generic corner detection* (AGAST), ECCV 2010.
+//! Not for: bit-exactness between OpenCV versions, which these detectors do not promise.
+
+use opencv::core::{KeyPoint, Mat, Vector};
+use opencv::features2d::{
+    AgastFeatureDetector, AgastFeatureDetector_DetectorType, FastFeatureDetector,
+    FastFeatureDetector_DetectorType, ORB, ORB_ScoreType,
+};
+use opencv::prelude::*;
+
+use super::brief::{self, BORDER_PX};
+use super::selection::{check_mask, drop_masked, sort_keypoints};
+use super::{Extractor, ExtractorConfig, Features, GrayImage, Keypoint};
+use crate::error::{Error, ErrorKind, Result};
+
+/// Corners of an OpenCV detector with BRIEF-32 descriptors.
+pub struct CornerBrief {
+    config: ExtractorConfig,
+}
+
+impl CornerBrief {
+    /// An extractor of [`ExtractorConfig::OrbBrief`], [`FastBrief`](ExtractorConfig::FastBrief) or
+    /// [`AgastBrief`](ExtractorConfig::AgastBrief); another kind is a [`ErrorKind::Config`] error.
+    pub fn new(config: ExtractorConfig) -> Result<Self> {
+        match config {
+            ExtractorConfig::StarBrief(_) => Err(Error::new(
+                ErrorKind::Config,
+                "star-brief is no corner detector",
+            )),
+            config => Ok(Self { config }),
+        }
+    }
+
+    /// Every corner of a picture (not empty) and how many features to keep of them.
+    fn corners(&self, image: &GrayImage, mask: Option<&GrayImage>) -> opencv::Result<Corners> {
+        let mut found = Vector::<KeyPoint>::new();
+        let pixels = matrix(image)?;
+        let no_mask = Mat::default();
+        let mask_pixels = mask.map(matrix).transpose()?;
+        let mask: &Mat = mask_pixels.as_deref().unwrap_or(&no_mask);
+        let num_features = match &self.config {
+            ExtractorConfig::StarBrief(_) => 0,
+            ExtractorConfig::FastBrief(config) => {
+                FastFeatureDetector::create(
+                    i32::from(config.threshold()),
+                    true,
+                    FastFeatureDetector_DetectorType::TYPE_9_16,
+                )?
+                .detect(&pixels, &mut found, mask)?;
+                config.num_features()
+            }
+            ExtractorConfig::AgastBrief(config) => {
+                AgastFeatureDetector::create(
+                    i32::from(config.threshold()),
+                    true,
+                    AgastFeatureDetector_DetectorType::OAST_9_16,
+                )?
+                .detect(&pixels, &mut found, mask)?;
+                config.num_features()
+            }
+            ExtractorConfig::OrbBrief(config) => {
+                // Its share of corners per level and its own border follow from these numbers.
+                let wanted = config.num_features().min(MAX_ORB_CORNERS) as i32;
+                let (scale, levels, border) = (1.2, 8, 31);
+                ORB::create(
+                    wanted,
+                    scale,
+                    levels,
+                    border,
+                    0,
+                    2,
+                    ORB_ScoreType::HARRIS_SCORE,
+                    border,
+                    i32::from(config.threshold()),
+                )?
+                .detect(&pixels, &mut found, mask)?;
+                config.num_features()
+            }
+        };
+        let keypoints = found
+            .iter()
+            .map(|point| Keypoint {
+                x: point.pt().x,
+                y: point.pt().y,
+                size: point.size(),
+                response: point.response(),
+            })
+            .collect();
+        Ok((keypoints, num_features))
+    }
+}
+
+/// More corners than any picture needs; ORB allocates for as many as it is asked for.
+const MAX_ORB_CORNERS: usize = 1_000_000;
+
+/// Keypoints in no particular order, and how many to keep.
+type Corners = (Vec<Keypoint>, usize);
+
+fn matrix(image: &GrayImage) -> opencv::Result<opencv::boxed_ref::BoxedRef<'_, Mat>> {
+    Mat::new_rows_cols_with_data(image.height() as i32, image.width() as i32, image.data())
+}
+
+impl Extractor for CornerBrief {
+    fn id(&self) -> String {
+        self.config.id()
+    }
+
+    fn extract(&self, image: &GrayImage, mask: Option<&GrayImage>) -> Result<Features> {
+        check_mask(image, mask)?;
+        let (width, height) = (image.width(), image.height());
+        if width.min(height) <= 2 * BORDER_PX {
+            return Ok(Features::new());
+        }
+        if i32::try_from(width.max(height)).is_err() {
+            return Err(Error::new(
+                ErrorKind::Image,
+                "the image is too big for OpenCV",
+            ));
+        }
+        let (mut keypoints, num_features) = self
+            .corners(image, mask)
+            .map_err(|cause| Error::new(ErrorKind::Image, format!("OpenCV: {}", cause.message)))?;
+        drop_masked(&mut keypoints, mask);
+        keypoints.retain(|keypoint| brief::is_describable(keypoint, width, height));
+        sort_keypoints(&mut keypoints);
+        keypoints.truncate(num_features);
+        let mut descriptors = Vec::with_capacity(keypoints.len());
+        brief::describe(
+            image,
+            &keypoints,
+            &mut brief::BriefScratch::default(),
+            &mut descriptors,
+        );
+        Features::from_parts(keypoints, descriptors)
+    }
+}

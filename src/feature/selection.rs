@@ -1,0 +1,46 @@
+//! Which keypoints stay, and in which order?
+//!
+//! The rules that all extractors share: masks, and the order by (response descending, y, x).
+
+use super::{GrayImage, Keypoint};
+use crate::error::{Error, ErrorKind, Result};
+
+/// A mask of another size than its image is a [`ErrorKind::Shape`] error.
+pub(super) fn check_mask(image: &GrayImage, mask: Option<&GrayImage>) -> Result<()> {
+    match mask {
+        Some(mask) if (mask.width(), mask.height()) != (image.width(), image.height()) => {
+            Err(Error::new(
+                ErrorKind::Shape,
+                format!(
+                    "a mask of {} x {} px does not fit an image of {} x {} px",
+                    mask.width(),
+                    mask.height(),
+                    image.width(),
+                    image.height()
+                ),
+            )
+            .with_help("make the mask for the image after crop, rotation and scale"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Drops keypoints whose nearest pixel is zero in `mask`.
+pub(super) fn drop_masked(keypoints: &mut Vec<Keypoint>, mask: Option<&GrayImage>) {
+    if let Some(mask) = mask {
+        keypoints.retain(|keypoint| {
+            let (x, y) = ((keypoint.x + 0.5) as usize, (keypoint.y + 0.5) as usize);
+            x < mask.width() && y < mask.height() && mask.row(y)[x] != 0
+        });
+    }
+}
+
+/// Sorts by response (descending), then `y`, then `x`.
+pub(super) fn sort_keypoints(keypoints: &mut [Keypoint]) {
+    keypoints.sort_unstable_by(|a, b| {
+        b.response
+            .total_cmp(&a.response)
+            .then(a.y.total_cmp(&b.y))
+            .then(a.x.total_cmp(&b.x))
+    });
+}

@@ -18,18 +18,15 @@ use chronotope::Time;
 use chronotope::dataset::{Clock, Dataset, Manifest, Side};
 use chronotope::feature::Features;
 use chronotope::learn::{KeepAppearances, LearnConfig, Learner, Observation};
-use chronotope::localize::{
-    Localization, Localizer, Method, Preset, Query, Score, Scratch, Sweep,
-};
+use chronotope::localize::{Localization, Localizer, Method, Preset, Query, Score, Scratch, Sweep};
 use chronotope::map::{MapMeta, NodeId, SessionId, Snapshot, derived_uuid};
 use chronotope::predict::Selection;
 use rayon::prelude::*;
 
+use crate::exhibit::Exhibit;
 use crate::material::Material;
 use crate::metrics::{self, Sample};
-use crate::results::{
-    self, Answer, LeakCheck, Reobservation, SuiteResults,
-};
+use crate::results::{self, Answer, LeakCheck, Reobservation, SuiteResults};
 use crate::suite::{Arm, Protocol, Run, Suite};
 
 /// Re-observation is judged on so many of the most likely features (T-RO 2017, table I).
@@ -117,12 +114,6 @@ struct Said {
     reobserved: Option<(u32, u32)>,
 }
 
-/// One localizer with its name in tables.
-struct Contestant {
-    run: Run,
-    localizer: Localizer,
-}
-
 /// Collects answers over folds and worlds, then turns them into rows.
 pub struct Tallies<'s> {
     suite: &'s Suite,
@@ -136,6 +127,7 @@ pub struct Tallies<'s> {
     extraction_ms: Vec<f64>,
     has_clock: bool,
     is_timed: bool,
+    exhibit: Option<Exhibit>,
 }
 
 /// What is summed up for one run: the rows of its variants share all but the answers.
@@ -149,16 +141,6 @@ struct VariantTally {
     num_asked: u64,
     reobserved: Vec<(Option<String>, f64)>,
     ms: Vec<Vec<f64>>,
-}
-
-/// What a report shows of one fold.
-pub struct Exhibit {
-    /// The map of the suite's most telling arm.
-    pub snapshot: Arc<Snapshot>,
-    /// The localizer of the run that pictures are drawn of.
-    pub localizer: Localizer,
-    /// The fold.
-    pub fold: Fold,
 }
 
 impl<'s> Tallies<'s> {
@@ -176,7 +158,13 @@ impl<'s> Tallies<'s> {
             extraction_ms: Vec::new(),
             has_clock: true,
             is_timed: false,
+            exhibit: None,
         }
+    }
+
+    /// What pictures can be drawn of, once something was added.
+    pub fn take_exhibit(&mut self) -> Option<Exhibit> {
+        self.exhibit.take()
     }
 
     /// Runs every arm on every fold of one dataset.
@@ -194,9 +182,14 @@ impl<'s> Tallies<'s> {
         self.num_checked += material.extracted.len() as u32;
         self.num_broken += material.dataset.problems.len();
         self.num_places = self.num_places.max(material.dataset.places().len());
-        self.extraction_ms.extend_from_slice(&material.extraction_ms);
-        let folds: Vec<Fold> = folds.iter().map(|fold| self.without_twins(material, fold)).collect();
-        self.num_learnt.extend(folds.iter().map(|fold| fold.learn.len()));
+        self.extraction_ms
+            .extend_from_slice(&material.extraction_ms);
+        let folds: Vec<Fold> = folds
+            .iter()
+            .map(|fold| self.without_twins(material, fold))
+            .collect();
+        self.num_learnt
+            .extend(folds.iter().map(|fold| fold.learn.len()));
         let mut first_variant = 0;
         for arm in &self.suite.arms {
             let said: Vec<Vec<(usize, Vec<Said>)>> = folds
@@ -225,8 +218,9 @@ impl<'s> Tallies<'s> {
 
     /// The fold without learning images that show the same pixels as one of its queries.
     fn without_twins(&self, material: &Material, fold: &Fold) -> Fold {
-        let asked: HashSet<&[u8; 32]> =
-            (fold.query.iter()).map(|&i| &material.extracted[i].digest).collect();
+        let asked: HashSet<&[u8; 32]> = (fold.query.iter())
+            .map(|&i| &material.extracted[i].digest)
+            .collect();
         let learn: Vec<usize> = (fold.learn.iter().copied())
             .filter(|&i| !asked.contains(&material.extracted[i].digest))
             .collect();
@@ -246,7 +240,7 @@ impl<'s> Tallies<'s> {
     ) -> Result<Vec<(usize, Vec<Said>)>> {
         let times = times(&material.dataset, arm)?;
         let snapshot = learn(material, fold, arm, &times)?;
-        let contestants = contestants(&snapshot, arm, self.has_clock)?;
+        let localizers = localizers(&snapshot, arm, self.has_clock)?;
         let num_live = LearnConfig::preset(arm.preset).features_per_visit();
         (fold.query.par_iter())
             .map_init(
@@ -261,8 +255,8 @@ impl<'s> Tallies<'s> {
                         image_size: Some(material.extracted[entry].image_size),
                     };
                     let truth = snapshot.find(&material.dataset.entries[entry].place);
-                    let said = (contestants.iter())
-                        .map(|contestant| ask(&contestant.localizer, arm, &query, truth, scratch, sweep))
+                    let said = (localizers.iter())
+                        .map(|localizer| ask(localizer, arm, &query, truth, scratch, sweep))
                         .collect::<Result<_>>()?;
                     Ok((entry, said))
                 },
@@ -352,8 +346,10 @@ impl<'s> Tallies<'s> {
         let mut scratch = Scratch::default();
         let mut sweep = Sweep::new(&self.suite.sizes)?;
         let mut out = Localization::default();
-        for (index, contestant) in contestants(&snapshot, arm, self.has_clock)?.into_iter().enumerate() {
-            let mut localizer = contestant.localizer;
+        for (index, mut localizer) in localizers(&snapshot, arm, self.has_clock)?
+            .into_iter()
+            .enumerate()
+        {
             for &entry in fold.query.iter().step_by(step) {
                 let live = live(material, entry, num_live);
                 let query = Query {
@@ -388,6 +384,24 @@ impl<'s> Tallies<'s> {
                         sweep.pairs_compared()[size]
                     );
                 }
+            }
+            let variant = &self.variants[first_variant + index];
+            let is_better = match &self.exhibit {
+                None => true,
+                Some(known) => {
+                    variant.is_default
+                        || (variant.run.localizer.method() == Method::Fremen
+                            && known.localizer.cfg().method() == Method::Static)
+                }
+            };
+            if is_better {
+                self.exhibit = Some(Exhibit {
+                    variant: variant.run.variant(arm.preset, localizer.cfg().score()),
+                    localizer,
+                    fold: fold.clone(),
+                    times: times.clone(),
+                    num_live,
+                });
             }
         }
         Ok(())
@@ -449,7 +463,9 @@ fn reobservation(variant: &VariantTally) -> Option<Reobservation> {
     let values = variant.reobserved.iter();
     let sample = Sample::grouped(values.map(|(group, share)| (group.as_deref(), *share)));
     let percent = sample.rate().scaled(100.0);
-    let name = variant.run.variant(variant.preset, variant.run.localizer.score());
+    let name = variant
+        .run
+        .variant(variant.preset, variant.run.localizer.score());
     Some(Reobservation {
         preset: name.preset,
         method: name.method,
@@ -463,7 +479,7 @@ fn reobservation(variant: &VariantTally) -> Option<Reobservation> {
 }
 
 /// The strongest features of an image.
-fn live(material: &Material, entry: usize, num_live: usize) -> Features {
+pub fn live(material: &Material, entry: usize, num_live: usize) -> Features {
     let mut features = material.extracted[entry].features.clone();
     features.truncate(num_live);
     features
@@ -482,7 +498,11 @@ fn times(dataset: &Dataset, arm: &Arm) -> Result<Vec<Time>> {
 
 /// Learns the map of one fold.
 pub fn learn(material: &Material, fold: &Fold, arm: &Arm, times: &[Time]) -> Result<Arc<Snapshot>> {
-    let meta = MapMeta::new(derived_uuid(&material.dataset.name), "evaluation", arm.preset.name());
+    let meta = MapMeta::new(
+        derived_uuid(&material.dataset.name),
+        "evaluation",
+        arm.preset.name(),
+    );
     let cfg = LearnConfig::preset(arm.preset).with_keep_appearances(KeepAppearances::All);
     let mut learner = Learner::new(cfg, meta);
     for &index in &fold.learn {
@@ -500,12 +520,10 @@ pub fn learn(material: &Material, fold: &Fold, arm: &Arm, times: &[Time]) -> Res
     Ok(learner.snapshot()?)
 }
 
-fn contestants(snapshot: &Arc<Snapshot>, arm: &Arm, has_clock: bool) -> Result<Vec<Contestant>> {
+/// One localizer for each run of the arm.
+fn localizers(snapshot: &Arc<Snapshot>, arm: &Arm, has_clock: bool) -> Result<Vec<Localizer>> {
     (arm.runs(has_clock).into_iter())
-        .map(|run| {
-            let localizer = Localizer::new(Arc::clone(snapshot), run.localizer.clone())?;
-            Ok(Contestant { run, localizer })
-        })
+        .map(|run| Ok(Localizer::new(Arc::clone(snapshot), run.localizer)?))
         .collect()
 }
 
@@ -520,9 +538,8 @@ fn ask(
     localizer.sweep(scratch, query, sweep)?;
     let nodes = &localizer.snapshot().nodes;
     let answer = |score: Score, size: usize| {
-        let scored = || {
-            (0..nodes.len()).map(|node| sweep.tally(NodeId(node as u32), size).of(score))
-        };
+        let scored =
+            || (0..nodes.len()).map(|node| sweep.tally(NodeId(node as u32), size).of(score));
         let best = scored().max().unwrap_or(0);
         if best == 0 {
             return Answer {
@@ -549,7 +566,11 @@ fn ask(
         }
     };
     let answers = (arm.scores.iter())
-        .map(|&score| (0..sweep.sizes().len()).map(|size| answer(score, size)).collect())
+        .map(|&score| {
+            (0..sweep.sizes().len())
+                .map(|size| answer(score, size))
+                .collect()
+        })
         .collect();
     let pairs_compared = sweep.pairs_compared().to_vec();
     let reobserved = match truth {

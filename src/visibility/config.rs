@@ -188,6 +188,26 @@ pub enum ModelConfig {
         #[serde(default)]
         balance: Balance,
     },
+    /// Harmonic least squares on rhythms that all features of the place share, a
+    /// [`Fremen`](super::Fremen) in form. Needs harmonic candidates.
+    LeastSquares {
+        /// The rhythms looked for.
+        candidates: CandidatePeriods,
+        /// How many the place may follow, and how that is judged.
+        #[serde(default)]
+        order: HeldOut,
+        /// Penalty on rhythms, in visits.
+        #[serde(default = "one")]
+        ridge: f64,
+    },
+    /// [`Logistic`](super::Logistic): the same rhythms, in log odds. Needs harmonic candidates.
+    Logistic {
+        /// The rhythms looked for.
+        candidates: CandidatePeriods,
+        /// How many the place may follow, and how that is judged.
+        #[serde(default)]
+        order: HeldOut,
+    },
     /// [`Histogram`](super::Histogram).
     #[serde(rename_all = "kebab-case")]
     Histogram {
@@ -266,6 +286,24 @@ impl ModelConfig {
                 ..
             } => held_out.validate(),
             Self::Mean {} | Self::Fremen { .. } | Self::Markov {} => Ok(()),
+            Self::LeastSquares {
+                candidates,
+                order,
+                ridge,
+            } => {
+                if !(ridge.is_finite() && *ridge > 0.0) {
+                    return Err(Error::new(
+                        ErrorKind::Config,
+                        format!("ridge must be a finite number above 0, not {ridge}"),
+                    ));
+                }
+                harmonic(candidates)?;
+                order.validate()
+            }
+            Self::Logistic { candidates, order } => {
+                harmonic(candidates)?;
+                order.validate()
+            }
             Self::Histogram {
                 num_bins, prior, ..
             } => {
@@ -280,6 +318,17 @@ impl ModelConfig {
             }
             Self::Persistent { of } => of.validate(),
         }
+    }
+}
+
+fn harmonic(candidates: &CandidatePeriods) -> Result<()> {
+    match candidates.as_harmonic() {
+        Some((_, count)) if 2 * count <= CandidatePeriods::MAX_COUNT => Ok(()),
+        _ => Err(Error::new(
+            ErrorKind::Config,
+            "rhythms shared by a place need harmonic candidate periods, at most half as many as elsewhere",
+        )
+        .with_help("give `base-s` and `count` instead of a list")),
     }
 }
 

@@ -1,10 +1,12 @@
 //! How is a model of a place learnt from its log?
 
-use super::config::{ModelConfig, VisibilityConfig};
+use super::config::{HeldOut, ModelConfig, VisibilityConfig};
 use super::evidence::Evidence;
+use super::shared_rhythms::SharedRhythms;
 use super::{BitRow, HistoryLog, VisibilityModel};
-use super::{fremen, histogram, markov, mean, pergam, persistent};
+use super::{fremen, histogram, logistic, markov, mean, pergam, persistent};
 use crate::error::{Error, ErrorKind, Result};
+use crate::spectrum::CandidatePeriods;
 
 /// The visits that a model is fitted from.
 #[derive(Clone, Copy, Debug)]
@@ -69,6 +71,19 @@ fn fit_model(
             *balance,
             cfg.guards(),
         )?),
+        ModelConfig::LeastSquares {
+            candidates,
+            order,
+            ridge,
+        } => {
+            let shared = shared(cfg, candidates, *order, *ridge);
+            let harmonics = shared.choose(evidence)?;
+            Box::new(shared.regress(evidence, &harmonics)?)
+        }
+        ModelConfig::Logistic { candidates, order } => Box::new(logistic::fit(
+            evidence,
+            &shared(cfg, candidates, *order, 1.0),
+        )?),
         ModelConfig::Histogram {
             period,
             num_bins,
@@ -84,4 +99,18 @@ fn fit_model(
             Box::new(persistent::fit(evidence, fit_model(evidence, cfg, of)?))
         }
     })
+}
+
+fn shared<'a>(
+    cfg: &VisibilityConfig,
+    candidates: &'a CandidatePeriods,
+    held_out: HeldOut,
+    ridge: f64,
+) -> SharedRhythms<'a> {
+    SharedRhythms {
+        candidates,
+        held_out,
+        ridge,
+        guards: cfg.guards(),
+    }
 }

@@ -2,3 +2,4 @@
 
 mod spectrum;
 mod visibility;
+mod visibility_suite;

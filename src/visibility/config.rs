@@ -111,6 +111,14 @@ impl Default for HeldOut {
 }
 
 impl HeldOut {
+    /// As by default, with up to 5 rhythms: all features of a place pay for them together.
+    pub fn of_shared_rhythms() -> Self {
+        Self {
+            max_order: 5,
+            ..Self::default()
+        }
+    }
+
     /// Orders 0 to `max_order`, judged by `split`.
     pub fn new(max_order: usize, split: Split) -> Result<Self> {
         let held_out = Self {
@@ -194,10 +202,13 @@ pub enum ModelConfig {
         /// The rhythms looked for.
         candidates: CandidatePeriods,
         /// How many the place may follow, and how that is judged.
-        #[serde(default)]
+        #[serde(default = "HeldOut::of_shared_rhythms")]
         order: HeldOut,
+        /// Instead of choosing: use exactly these harmonics of the base period, from 1.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        harmonics: Option<Vec<u16>>,
         /// Penalty on rhythms, in visits.
-        #[serde(default = "one")]
+        #[serde(default = "a_tenth")]
         ridge: f64,
     },
     /// [`Logistic`](super::Logistic): the same rhythms, in log odds. Needs harmonic candidates.
@@ -205,8 +216,11 @@ pub enum ModelConfig {
         /// The rhythms looked for.
         candidates: CandidatePeriods,
         /// How many the place may follow, and how that is judged.
-        #[serde(default)]
+        #[serde(default = "HeldOut::of_shared_rhythms")]
         order: HeldOut,
+        /// Instead of choosing: use exactly these harmonics of the base period, from 1.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        harmonics: Option<Vec<u16>>,
     },
     /// [`Histogram`](super::Histogram).
     #[serde(rename_all = "kebab-case")]
@@ -238,6 +252,10 @@ pub enum ModelConfig {
         /// The model that describes the long term.
         of: Box<ModelConfig>,
     },
+}
+
+fn a_tenth() -> f64 {
+    0.1
 }
 
 fn one() -> f64 {
@@ -289,6 +307,7 @@ impl ModelConfig {
             Self::LeastSquares {
                 candidates,
                 order,
+                harmonics,
                 ridge,
             } => {
                 if !(ridge.is_finite() && *ridge > 0.0) {
@@ -297,11 +316,15 @@ impl ModelConfig {
                         format!("ridge must be a finite number above 0, not {ridge}"),
                     ));
                 }
-                harmonic(candidates)?;
+                shared_rhythms(candidates, harmonics.as_deref())?;
                 order.validate()
             }
-            Self::Logistic { candidates, order } => {
-                harmonic(candidates)?;
+            Self::Logistic {
+                candidates,
+                order,
+                harmonics,
+            } => {
+                shared_rhythms(candidates, harmonics.as_deref())?;
                 order.validate()
             }
             Self::Histogram {
@@ -321,15 +344,27 @@ impl ModelConfig {
     }
 }
 
-fn harmonic(candidates: &CandidatePeriods) -> Result<()> {
-    match candidates.as_harmonic() {
-        Some((_, count)) if 2 * count <= CandidatePeriods::MAX_COUNT => Ok(()),
-        _ => Err(Error::new(
-            ErrorKind::Config,
-            "rhythms shared by a place need harmonic candidate periods, at most half as many as elsewhere",
-        )
-        .with_help("give `base-s` and `count` instead of a list")),
+fn shared_rhythms(candidates: &CandidatePeriods, harmonics: Option<&[u16]>) -> Result<()> {
+    let config = |message: String| Error::new(ErrorKind::Config, message);
+    let count = match candidates.as_harmonic() {
+        Some((_, count)) if 2 * count <= CandidatePeriods::MAX_COUNT => count,
+        _ => {
+            return Err(config(
+                "shared rhythms need harmonic candidate periods, at most half as many as elsewhere"
+                    .into(),
+            )
+            .with_help("give `base-s` and `count` instead of a list"));
+        }
+    };
+    let mut sorted = harmonics.unwrap_or_default().to_vec();
+    sorted.sort_unstable();
+    let is_given_twice = sorted.windows(2).any(|pair| pair[0] == pair[1]);
+    if is_given_twice || sorted.iter().any(|&h| h == 0 || usize::from(h) > count) {
+        return Err(config(format!(
+            "harmonics must differ and be 1 to {count}, not {sorted:?}"
+        )));
     }
+    Ok(())
 }
 
 fn not_negative(name: &str, value: f64) -> Result<()> {

@@ -74,16 +74,22 @@ fn fit_model(
         ModelConfig::LeastSquares {
             candidates,
             order,
+            harmonics,
             ridge,
         } => {
-            let shared = shared(cfg, candidates, *order, *ridge);
+            let mut shared = shared(cfg, candidates, *order, harmonics.as_deref());
+            shared.ridge = *ridge;
             let harmonics = shared.choose(evidence)?;
             Box::new(shared.regress(evidence, &harmonics)?)
         }
-        ModelConfig::Logistic { candidates, order } => Box::new(logistic::fit(
-            evidence,
-            &shared(cfg, candidates, *order, 1.0),
-        )?),
+        ModelConfig::Logistic {
+            candidates,
+            order,
+            harmonics,
+        } => {
+            let shared = shared(cfg, candidates, *order, harmonics.as_deref());
+            Box::new(logistic::fit(evidence, &shared)?)
+        }
         ModelConfig::Histogram {
             period,
             num_bins,
@@ -105,12 +111,13 @@ fn shared<'a>(
     cfg: &VisibilityConfig,
     candidates: &'a CandidatePeriods,
     held_out: HeldOut,
-    ridge: f64,
+    harmonics: Option<&'a [u16]>,
 ) -> SharedRhythms<'a> {
     SharedRhythms {
         candidates,
+        harmonics,
         held_out,
-        ridge,
+        ridge: 0.1,
         guards: cfg.guards(),
     }
 }

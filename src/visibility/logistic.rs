@@ -19,7 +19,7 @@ use crate::time::Time;
 /// Features from which the priors are learnt.
 const MAX_VOTERS: usize = 1_024;
 /// Rounds of learning the priors.
-const NUM_ROUNDS: usize = 3;
+const NUM_ROUNDS: usize = 5;
 /// Newton steps at most.
 const MAX_STEPS: usize = 30;
 /// No prior is narrower than this standard deviation, in log odds.
@@ -70,7 +70,7 @@ pub(super) fn fit(evidence: &Evidence<'_>, shared: &SharedRhythms<'_>) -> Result
     let mut prior = Prior {
         mean: (mean / (1.0 - mean)).ln(),
         variance: 4.0,
-        rhythm_variance: 1.0,
+        rhythm_variance: 4.0,
     };
     let mut observations = Vec::with_capacity(evidence.visits.len());
     let step = num_features.div_ceil(MAX_VOTERS).max(1);
@@ -85,13 +85,13 @@ pub(super) fn fit(evidence: &Evidence<'_>, shared: &SharedRhythms<'_>) -> Result
             let rhythms = solution[1..].iter().zip(&variances[1..]);
             moments[3] += rhythms.map(|(b, v)| b * b + v).sum::<f64>();
         }
-        if moments[0] < 2.0 {
-            break; // One feature is no population.
+        // One feature is no population, but its rhythms are.
+        if moments[0] >= 2.0 {
+            prior.mean = moments[1] / moments[0];
+            let variance = moments[2] / moments[0] - prior.mean * prior.mean;
+            prior.variance = variance.max(MIN_SIGMA * MIN_SIGMA);
         }
-        prior.mean = moments[1] / moments[0];
-        let variance = moments[2] / moments[0] - prior.mean * prior.mean;
-        prior.variance = variance.max(MIN_SIGMA * MIN_SIGMA);
-        if size > 1 {
+        if size > 1 && moments[0] > 0.0 {
             let rhythm_variance = moments[3] / (moments[0] * (size - 1) as f64);
             prior.rhythm_variance = rhythm_variance.max(MIN_SIGMA * MIN_SIGMA);
         }

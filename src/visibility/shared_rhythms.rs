@@ -5,11 +5,17 @@
 //! harmonic least squares explains ([`HarmonicRegression`]), one after the other:
 //!
 //! 1. Guards drop what the visit times cannot support.
-//! 2. Each step adds the candidate that explains most beyond those already chosen.
-//! 3. False alarms: the visit times are shuffled 19 times against the rows of the log, which keeps
-//!    everything but the rhythms; a step that explains no more than the best candidate of the best
-//!    shuffle ends the choice (a chance of 1 in 20 that pure noise gets a rhythm at all).
-//! 4. How many are kept is decided on held-out visits, with the choice repeated without them.
+//! 2. A rhythm may be chosen if it is one of the natural cycles (a day, a week, a year, or the base
+//!    period itself), or the next harmonic of a natural cycle whose harmonics before it have been chosen.
+//!    Visits at certain hours only make many rhythms fit alike where there are visits; natural ones
+//!    also hold where there are none.
+//! 3. Each step adds the one that explains most beyond those already chosen.
+//! 4. False alarms: the visit times are shuffled 19 times against the rows of the log, which keeps
+//!    everything but the rhythms. The longest choice that explains more than every shuffle's choice of
+//!    the same length is kept (a chance of 1 in 20 for each length that pure noise gets through).
+//! 5. How many of those are kept is decided on held-out visits, with the choice repeated without them.
+//!
+//! Not for rhythms of unnatural length, such as a machine's: let FreMEn look for them.
 //!
 //! At most 2,048 features, evenly spread, are asked.
 
@@ -19,7 +25,7 @@ use super::fremen::{BlockSums, lowest, splits, supported};
 use super::{Fremen, VisibilityModel};
 use crate::error::{Error, ErrorKind, Result};
 use crate::spectrum::{CandidatePeriods, HarmonicRegression, PhasorTable, from_fixed};
-use crate::time::Time;
+use crate::time::{Period, Time};
 
 /// Features that choose the rhythms.
 const MAX_VOTERS: usize = 2_048;
@@ -29,6 +35,8 @@ const NUM_SHUFFLES: u64 = 19;
 /// What is needed to learn a place's rhythms.
 pub(super) struct SharedRhythms<'a> {
     pub(super) candidates: &'a CandidatePeriods,
+    /// Used without choosing, where given.
+    pub(super) harmonics: Option<&'a [u16]>,
     /// How many rhythms at most, and how their number is judged.
     pub(super) held_out: HeldOut,
     /// Penalty, in visits.
@@ -62,13 +70,21 @@ impl SharedRhythms<'_> {
     /// The harmonics that the place follows, strongest first.
     pub(super) fn choose(&self, evidence: &Evidence<'_>) -> Result<Vec<u16>> {
         let doubled = self.doubled()?;
+        if let Some(harmonics) = self.harmonics {
+            return Ok(harmonics.to_vec());
+        }
         if evidence.visits.len() < self.held_out.min_visits() || self.held_out.max_order() == 0 {
             return Ok(Vec::new());
         }
         let allowed = self.allowed(evidence);
+        let (mut path, explained) = self.path(&voters(evidence, &doubled, None)?, &allowed);
         let by_chance = self.explained_by_chance(evidence, &doubled, &allowed)?;
-        let voters = voters(evidence, &doubled, None)?;
-        let mut path = self.path(&voters, &allowed, by_chance);
+        let is_signal = |&order: &usize| {
+            // A shuffle's choice may be shorter; what it explains then is as much as it can.
+            let last = by_chance.len() - 1;
+            explained[order] > by_chance[order.min(last)]
+        };
+        path.truncate((1..explained.len()).rev().find(is_signal).unwrap_or(0));
         if path.is_empty() {
             return Ok(path);
         }
@@ -78,8 +94,7 @@ impl SharedRhythms<'_> {
                 return Ok(Vec::new());
             }
             let learnt = evidence.of_visits(learnt);
-            let table_voters = self::voters(&learnt, &doubled, None)?;
-            let fold_path = self.path(&table_voters, &allowed, 0.0);
+            let (fold_path, _) = self.path(&voters(&learnt, &doubled, None)?, &allowed);
             for (order, error) in errors.iter_mut().enumerate() {
                 let harmonics = &fold_path[..order.min(fold_path.len())];
                 let model = self.regress(&learnt, harmonics)?;
@@ -103,18 +118,19 @@ impl SharedRhythms<'_> {
         }
     }
 
-    /// The most that one candidate explains when the visit times are shuffled.
+    /// For each order, the most that a choice of that many rhythms explains when the visit times are
+    /// shuffled.
     fn explained_by_chance(
         &self,
         evidence: &Evidence<'_>,
         doubled: &CandidatePeriods,
         allowed: &[bool],
-    ) -> Result<f64> {
+    ) -> Result<Vec<f64>> {
         // In order of time, so that the order of arrival is of no importance.
         let mut by_time: Vec<usize> = (0..evidence.visits.len()).collect();
         let visit_times: Vec<_> = evidence.times().collect();
         by_time.sort_by_key(|&index| (visit_times[index], index));
-        let mut most = 0.0_f64;
+        let mut most: Vec<f64> = Vec::new();
         let mut random = 0_u64;
         for _ in 0..NUM_SHUFFLES {
             let mut drawn = by_time.clone();
@@ -127,38 +143,66 @@ impl SharedRhythms<'_> {
                 times[index] = visit_times[other];
             }
             let voters = voters(evidence, doubled, Some(&times))?;
-            let flat = voters.explained(&[], self.ridge);
-            for (k, _) in allowed.iter().enumerate().filter(|(_, allowed)| **allowed) {
-                most = most.max(voters.explained(&[k as u16 + 1], self.ridge) - flat);
+            let (_, explained) = self.path(&voters, allowed);
+            most.resize(most.len().max(explained.len()), 0.0);
+            for (most, explained) in most.iter_mut().zip(explained) {
+                *most = most.max(explained);
             }
         }
         Ok(most)
     }
 
-    /// Up to the greatest number of harmonics, each the one that explains most beyond those before it
-    /// and more than `by_chance`.
-    fn path(&self, voters: &Voters, allowed: &[bool], by_chance: f64) -> Vec<u16> {
-        let mut path = Vec::new();
-        let mut explained = voters.explained(&path, self.ridge);
+    /// Up to the greatest number of harmonics, each the one that explains most beyond those before it,
+    /// and the squares that 0, 1, 2, ... of them explain beyond the mean.
+    fn path(&self, voters: &Voters, allowed: &[bool]) -> (Vec<u16>, Vec<f64>) {
+        let natural = self.natural_cycles();
+        let mut path: Vec<u16> = Vec::new();
+        let by_mean = voters.explained(&path, self.ridge);
+        let mut explained = vec![0.0];
         while path.len() < self.held_out.max_order() {
-            let mut best = (by_chance, None);
-            for (k, _) in allowed.iter().enumerate().filter(|(_, allowed)| **allowed) {
-                let harmonic = k as u16 + 1;
-                if path.contains(&harmonic) {
-                    continue;
-                }
+            let mut next: Vec<u16> = natural
+                .iter()
+                .filter_map(|&cycle| {
+                    let mut multiples = (1..).map(|i| cycle * i);
+                    multiples.find(|harmonic| !path.contains(&(*harmonic as u16)))
+                })
+                .filter(|&harmonic| allowed.get(harmonic - 1) == Some(&true))
+                .map(|harmonic| harmonic as u16)
+                .collect();
+            next.sort_unstable();
+            next.dedup();
+            let mut best: Option<(f64, u16)> = None;
+            for harmonic in next {
                 path.push(harmonic);
-                let gain = voters.explained(&path, self.ridge) - explained;
+                let total = voters.explained(&path, self.ridge) - by_mean;
                 path.pop();
-                if gain > best.0 * (1.0 + 1e-9) {
-                    best = (gain, Some(harmonic));
+                if best.is_none_or(|(most, _)| total > most * (1.0 + 1e-9)) {
+                    best = Some((total, harmonic));
                 }
             }
-            let (gain, Some(harmonic)) = best else { break };
+            let Some((total, harmonic)) = best else { break };
             path.push(harmonic);
-            explained += gain;
+            explained.push(total);
         }
-        path
+        (path, explained)
+    }
+
+    /// The harmonics that are a day, a week, a year, or the base period.
+    fn natural_cycles(&self) -> Vec<usize> {
+        let base_us = self
+            .candidates
+            .as_harmonic()
+            .map_or(1, |(base, _)| base.as_us());
+        let natural = [Period::YEAR, Period::WEEK, Period::DAY].map(Period::as_us);
+        let mut cycles = vec![1];
+        cycles.extend(
+            (natural.into_iter())
+                .filter(|cycle_us| base_us % cycle_us == 0)
+                .map(|cycle_us| (base_us / cycle_us) as usize),
+        );
+        cycles.sort_unstable();
+        cycles.dedup();
+        cycles
     }
 
     /// Least squares of every feature on the given harmonics.

@@ -2,4 +2,5 @@
 
 mod spectrum;
 mod visibility;
+mod visibility_series;
 mod visibility_suite;

@@ -247,6 +247,8 @@ fn configs_give_back_their_text_and_refuse_nonsense() {
         "model = { kind = 'least-squares', candidates = { periods-s = [60.0] } }",
         "model = { kind = 'least-squares', candidates = { base-s = 60.0, count = 2 }, ridge = 0.0 }",
         "model = { kind = 'logistic', candidates = { base-s = 60.0, count = 60000 } }",
+        "model = { kind = 'logistic', candidates = { base-s = 60.0, count = 6 }, harmonics = [7] }",
+        "model = { kind = 'logistic', candidates = { base-s = 60.0, count = 6 }, harmonics = [2, 2] }",
         "model = { kind = 'histogram', period-s = 0.0, num-bins = 3 }",
         "model = { kind = 'histogram', period-s = 60.0, num-bins = 0 }",
         "model = { kind = 'histogram', period-s = 60.0, num-bins = 3, prior = -1.0 }",

@@ -7,3 +7,5 @@ mod matching;
 mod spectrum;
 mod synthetic;
 mod visibility;
+mod visibility_series;
+mod visibility_suite;

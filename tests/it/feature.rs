@@ -24,7 +24,7 @@ impl Xorshift {
 }
 
 /// The pictures of scripts/make_golden.py.
-fn draw(kind: &str, width: usize, height: usize, seed: u64) -> GrayImage {
+pub(crate) fn draw(kind: &str, width: usize, height: usize, seed: u64) -> GrayImage {
     let mut random = Xorshift(seed);
     let mut data = vec![110_u8; width * height];
     for _ in 0..width * height / 150 {

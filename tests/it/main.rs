@@ -2,5 +2,7 @@
 
 mod dataset;
 mod feature;
+#[cfg(feature = "opencv")]
+mod feature_opencv;
 mod map;
 mod visibility;

@@ -14,7 +14,7 @@ use super::manifest::file_sha256;
 use super::table::read_text;
 use super::{Clock, Dataset, Manifest, Problem, hex};
 use crate::error::{Error, ErrorKind, Result};
-use crate::feature::GrayImage;
+use crate::feature::PixelDigest;
 use crate::map::PlaceKey;
 use crate::time::Time;
 
@@ -41,7 +41,7 @@ pub struct CheckReport {
     pub places: BTreeMap<PlaceKey, PlaceSummary>,
     /// How many images there are at each time.
     pub visits: BTreeMap<Time, usize>,
-    /// How many images have which size, after cutting, turning and resizing.
+    /// How many images have which size, after turning, cutting and resizing.
     pub image_sizes: Vec<SizeCount>,
     /// Entries with the same pixels, by id: twins that must not be on both sides of an evaluation.
     pub duplicates: Vec<Vec<String>>,
@@ -144,7 +144,7 @@ pub(super) fn check(dataset: &Dataset, progress: &(dyn Fn(usize, usize) + Sync))
             image.map(|image| Decoded {
                 width: image.width(),
                 height: image.height(),
-                digest: pixel_digest(&image),
+                digest: image.digest(),
             })
         })
         .collect();
@@ -152,7 +152,7 @@ pub(super) fn check(dataset: &Dataset, progress: &(dyn Fn(usize, usize) + Sync))
     let mut places: BTreeMap<PlaceKey, PlaceSummary> = BTreeMap::new();
     let mut visits: BTreeMap<Time, usize> = BTreeMap::new();
     let mut sizes: BTreeMap<(usize, usize), usize> = BTreeMap::new();
-    let mut twins: BTreeMap<[u8; 32], Vec<String>> = BTreeMap::new();
+    let mut twins: BTreeMap<PixelDigest, Vec<String>> = BTreeMap::new();
     for (entry, decoded) in dataset.entries.iter().zip(decoded) {
         let summary = places.entry(entry.place.clone()).or_insert(PlaceSummary {
             num_visits: 0,
@@ -206,15 +206,7 @@ pub(super) fn check(dataset: &Dataset, progress: &(dyn Fn(usize, usize) + Sync))
 struct Decoded {
     width: usize,
     height: usize,
-    digest: [u8; 32],
-}
-
-fn pixel_digest(image: &GrayImage) -> [u8; 32] {
-    let mut hasher = Sha256::new();
-    hasher.update((image.width() as u64).to_le_bytes());
-    hasher.update((image.height() as u64).to_le_bytes());
-    hasher.update(image.data());
-    hasher.finalize().into()
+    digest: PixelDigest,
 }
 
 pub(super) fn verify(

@@ -169,8 +169,8 @@ fn read_parts(parts: &[Part], text: &str, values: &mut [Option<i64>; FIELDS.len(
 mod tests {
     use super::*;
 
-    fn at(text: &str) -> Option<Moment> {
-        Some(Moment::At(Time::parse(text).unwrap()))
+    fn at(text: &str) -> Moment {
+        Moment::At(Time::parse(text).unwrap())
     }
 
     #[test]
@@ -180,7 +180,7 @@ mod tests {
                 .unwrap();
         assert_eq!(
             pattern.read("2023-06-13T03_11_46"),
-            at("2023-06-13T03:11:46Z")
+            Some(at("2023-06-13T03:11:46Z"))
         );
         assert_eq!(pattern.read("2023-06-13T03_11_46x"), None);
         assert_eq!(
@@ -192,13 +192,13 @@ mod tests {
             NamePattern::parse("{unix_us}")
                 .unwrap()
                 .read("1326030975726043"),
-            at("2012-01-08T13:56:15.726043Z")
+            Some(at("2012-01-08T13:56:15.726043Z"))
         );
         assert_eq!(
             NamePattern::parse("cam*_{unix_s}")
                 .unwrap()
                 .read("cam_front_86400"),
-            at("1970-01-02T00:00:00Z")
+            Some(at("1970-01-02T00:00:00Z"))
         );
         assert_eq!(
             NamePattern::parse("{visit:2}{place:2}")

@@ -3,13 +3,13 @@
 //! Every layout hands what it finds to one [`Collector`], which applies the rules about single entries
 //! (file there, crop inside, no second image of a place and time, place known) alike.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::file_image::FileImage;
-use super::manifest::{default_index, default_place_prefix};
+use super::manifest::{default_folder_prefix, default_index, default_place_prefix};
 use super::{Clock, Dataset, Entry, Layout, Manifest, Problem, index, nclt};
 use crate::error::{Error, ErrorKind, Result};
 use crate::feature::Rect;
@@ -51,7 +51,16 @@ pub(super) fn open(manifest: &Manifest, data_dir: &Path) -> Result<Dataset> {
     match layout {
         Layout::Index { file } => index::read(&mut collector, file)?,
         Layout::Grief { place_prefix } => read_grief(&mut collector, place_prefix)?,
-        Layout::FreLoc { origins } => read_freloc(&mut collector, origins)?,
+        Layout::FreLoc {
+            origins,
+            place_prefix,
+            first_place,
+        } => read_freloc(&mut collector, origins, |number| {
+            PlaceKey::new(&format!(
+                "{place_prefix}{}",
+                number.saturating_add(i64::from(*first_place))
+            ))
+        })?,
         Layout::Nclt { .. } => nclt::read(&mut collector, layout)?,
     }
     index::read_poses(&mut collector)?;
@@ -73,6 +82,8 @@ pub(super) fn detect(dir: &Path) -> Result<(Layout, Clock)> {
         },
         Layout::FreLoc {
             origins: BTreeMap::new(),
+            place_prefix: default_folder_prefix(),
+            first_place: 0,
         },
     ];
     if let Some(layout) = numbered.into_iter().find(|layout| layout.is_in(dir)) {
@@ -225,7 +236,7 @@ impl<'a> Collector<'a> {
         let size = self
             .sizes
             .entry(file.to_owned())
-            .or_insert_with(|| FileImage::file_size(file).map_err(|error| error.to_string()))
+            .or_insert_with(|| FileImage::picture_size(file).map_err(|error| error.to_string()))
             .clone();
         let (width, height) = size?;
         let fits = |start: u32, length: u32, size: u32| {
@@ -336,6 +347,13 @@ impl<'a> Collector<'a> {
             })
             .collect();
         entries.sort_by(|a, b| (a.time, &a.place, &a.id).cmp(&(b.time, &b.place, &b.id)));
+        // A file may be called like another one's id.
+        let mut ids = BTreeSet::new();
+        for entry in &mut entries {
+            while !ids.insert(entry.id.clone()) {
+                entry.id.push('+');
+            }
+        }
         entries
     }
 }
@@ -392,7 +410,11 @@ fn read_grief(collector: &mut Collector<'_>, place_prefix: &str) -> Result<()> {
     Ok(())
 }
 
-fn read_freloc(collector: &mut Collector<'_>, origins: &BTreeMap<String, Time>) -> Result<()> {
+fn read_freloc(
+    collector: &mut Collector<'_>,
+    origins: &BTreeMap<String, Time>,
+    key: impl Fn(i64) -> Result<PlaceKey>,
+) -> Result<()> {
     for folder in FRELOC_FOLDERS {
         let top = collector.root.join(folder);
         if !top.is_dir() {
@@ -412,16 +434,15 @@ fn read_freloc(collector: &mut Collector<'_>, origins: &BTreeMap<String, Time>) 
             if !place_dir.is_dir() {
                 continue;
             }
-            let name = name_of(&place_dir);
-            if place_number(&name).is_none() {
+            let Some(number) = place_number(&name_of(&place_dir)) else {
                 let subject = relative(collector.root, &place_dir);
                 collector.problem(
                     subject,
                     "the folder is not called place_N (help: rename or move it)",
                 );
                 continue;
-            }
-            let place = PlaceKey::new(&name)?;
+            };
+            let place = key(number)?;
             for path in list(&place_dir)? {
                 if path.is_dir() || image_rank(&path).is_none() {
                     continue;

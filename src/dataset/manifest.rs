@@ -11,11 +11,10 @@ use jiff::{Span, Timestamp, tz::TimeZone};
 use serde::{Deserialize, Deserializer};
 use sha2::{Digest, Sha256};
 
-use super::file_image::Turn;
 use super::file_name::{Moment, NamePattern};
 use super::{Clock, Dataset, Entry, Problem, hex, layout, table};
 use crate::error::{Error, ErrorKind, Result};
-use crate::feature::Rect;
+use crate::feature::{Rect, Rotation};
 use crate::map::PlaceKey;
 use crate::time::{Period, Time};
 
@@ -154,6 +153,12 @@ pub enum Layout {
         /// Origins of single folders: `training` and `testing` have [`TimeRule::origin`] unless given.
         #[serde(default, deserialize_with = "time_map")]
         origins: BTreeMap<String, Time>,
+        /// What precedes the place's number in its name.
+        #[serde(default = "default_folder_prefix")]
+        place_prefix: String,
+        /// The number of the place in the folder `place_0`.
+        #[serde(default)]
+        first_place: u32,
     },
     /// `images/YYYY-MM-DD/lb3/CamN/<utime>.tiff` and `groundtruth_YYYY-MM-DD.csv`.
     Nclt {
@@ -165,8 +170,12 @@ pub enum Layout {
         #[serde(default = "default_pose_gap_s")]
         max_pose_gap_s: f64,
         /// How the raw images must be turned to stand upright, clockwise.
-        #[serde(default = "default_turn", rename = "turn_degrees")]
-        turn: Turn,
+        #[serde(
+            default = "default_rotation",
+            deserialize_with = "rotation",
+            rename = "turn_degrees"
+        )]
+        rotation: Rotation,
         /// The places.
         place: Vec<NcltPlace>,
     },
@@ -240,16 +249,16 @@ impl Split {
     }
 }
 
-/// A rectangle of the image files that must not be used.
+/// A rectangle of the pictures that must not be used.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mask {
     /// Only in images of this place.
     #[serde(default)]
     pub place: Option<PlaceKey>,
-    /// Leftmost column of the file, px.
+    /// Leftmost column of the turned picture, before cutting and resizing, px.
     pub x: u32,
-    /// Topmost row of the file, px.
+    /// Topmost row, px.
     pub y: u32,
     /// Columns.
     pub width: u32,
@@ -713,12 +722,28 @@ pub(super) fn default_place_prefix() -> String {
     "loc".into()
 }
 
+pub(super) fn default_folder_prefix() -> String {
+    "place_".into()
+}
+
 fn default_pose_gap_s() -> f64 {
     0.5
 }
 
-fn default_turn() -> Turn {
-    Turn::Quarter
+fn default_rotation() -> Rotation {
+    Rotation::Clockwise90
+}
+
+fn rotation<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Rotation, D::Error> {
+    match u32::deserialize(deserializer)? {
+        0 => Ok(Rotation::None),
+        90 => Ok(Rotation::Clockwise90),
+        180 => Ok(Rotation::Half),
+        270 => Ok(Rotation::Clockwise270),
+        degrees => Err(custom(format_args!(
+            "an image cannot be turned by {degrees} degrees, only by 0, 90, 180 or 270"
+        ))),
+    }
 }
 
 fn custom<E: serde::de::Error>(error: impl fmt::Display) -> E {

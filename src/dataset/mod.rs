@@ -34,7 +34,7 @@ use crate::map::{Edge, PlaceKey};
 use crate::time::Time;
 
 pub use check::{CheckReport, PlaceSummary, SizeCount};
-pub use file_image::{FileImage, Turn};
+pub use file_image::FileImage;
 pub use manifest::{Checksums, Layout, Manifest, Mask, NcltPlace, Quantum, Side, Split, TimeRule};
 
 /// Something that yields the grey image of one entry: a file cut and scaled by us, or a rendering.

@@ -40,7 +40,7 @@ pub(super) fn read(collector: &mut Collector<'_>, layout: &Layout) -> Result<()>
         camera,
         radius_m,
         max_pose_gap_s,
-        turn,
+        rotation,
         place: places,
     } = layout
     else {
@@ -75,7 +75,7 @@ pub(super) fn read(collector: &mut Collector<'_>, layout: &Layout) -> Result<()>
             for best in passes(&images, place, *radius_m) {
                 let path = relative(collector.root, &best.path);
                 collector.add(&path, &place.key, best.time, &path, |image| {
-                    image.with_turn(*turn)
+                    image.with_rotation(*rotation)
                 });
             }
         }

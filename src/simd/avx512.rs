@@ -51,36 +51,27 @@ fn pass<const N: usize>(
     keys: &mut [[u32; 2]; N],
 ) {
     let no_key = _mm512_set1_epi32(NO_KEY.cast_signed());
-    let mut queries_spread = [[no_key; 4]; N];
-    for (spread, query) in queries_spread.iter_mut().zip(queries) {
+    let mut spreads = [[no_key; 4]; N];
+    for (spread, query) in spreads.iter_mut().zip(queries) {
         *spread = self::spread(query);
     }
     let mut best = [no_key; N];
     let mut second = [no_key; N];
-    let start = _mm512_set1_epi32(rows.start.cast_signed());
-    let end = _mm512_set1_epi32(rows.end.cast_signed());
-    let first_group = rows.start as usize / ROWS_PER_GROUP;
-    let group_end = (rows.end as usize).div_ceil(ROWS_PER_GROUP);
-    for (index, group) in groups[..group_end].iter().enumerate().skip(first_group) {
-        let first_row = (index * ROWS_PER_GROUP) as u32;
-        let mut row = _mm512_add_epi32(
-            _mm512_set_epi32(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0),
-            _mm512_set1_epi32(first_row.cast_signed()),
-        );
-        if first_row < rows.start || first_row + ROWS_PER_GROUP as u32 > rows.end {
-            // All ones, once merged into a key, make the key of a row outside the range `NO_KEY`.
-            let inside = _mm512_cmpge_epu32_mask(row, start) & _mm512_cmplt_epu32_mask(row, end);
-            row = _mm512_mask_mov_epi32(no_key, inside, row);
-        }
-        for n in 0..N {
-            let (even, odd) = distances_of_group(&queries_spread[n], group);
-            let key = _mm512_ternarylogic_epi64::<0xFE>(
-                _mm512_slli_epi64::<DISTANCE_SHIFT>(even),
-                _mm512_slli_epi64::<{ DISTANCE_SHIFT + 32 }>(odd),
-                row,
-            );
-            second[n] = _mm512_min_epu32(second[n], _mm512_max_epu32(best[n], key));
-            best[n] = _mm512_min_epu32(best[n], key);
+    let first = rows.start as usize / ROWS_PER_GROUP;
+    let last = (rows.end as usize).div_ceil(ROWS_PER_GROUP);
+    let first_whole = (rows.start as usize).div_ceil(ROWS_PER_GROUP);
+    let last_whole = rows.end as usize / ROWS_PER_GROUP;
+    // Where all rows lie within one group, there is no whole one and the border is that group.
+    let border = first_whole.min(last);
+    for index in (first..border).chain(border.max(last_whole)..last) {
+        let row = numbers_inside(index, rows);
+        step(&spreads, &groups[index], row, &mut best, &mut second);
+    }
+    if border < last_whole {
+        let mut row = row_numbers(border);
+        for group in &groups[border..last_whole] {
+            step(&spreads, group, row, &mut best, &mut second);
+            row = _mm512_add_epi32(row, _mm512_set1_epi32(ROWS_PER_GROUP as i32));
         }
     }
     for n in 0..N {
@@ -93,6 +84,49 @@ fn pass<const N: usize>(
             _mm512_reduce_min_epu32(_mm512_min_epu32(others, second[n])),
         ];
     }
+}
+
+/// Takes the rows of one group into the two smallest keys of each lane and query.
+#[target_feature(enable = "avx512f,avx512vpopcntdq")]
+#[inline]
+fn step<const N: usize>(
+    spreads: &[Spread; N],
+    group: &Group,
+    row: __m512i,
+    best: &mut [__m512i; N],
+    second: &mut [__m512i; N],
+) {
+    for n in 0..N {
+        let (even, odd) = distances_of_group(&spreads[n], group);
+        let key = _mm512_ternarylogic_epi64::<0xFE>(
+            _mm512_slli_epi64::<DISTANCE_SHIFT>(even),
+            _mm512_slli_epi64::<{ DISTANCE_SHIFT + 32 }>(odd),
+            row,
+        );
+        second[n] = _mm512_min_epu32(second[n], _mm512_max_epu32(best[n], key));
+        best[n] = _mm512_min_epu32(best[n], key);
+    }
+}
+
+/// The numbers of the rows of a group, lane by lane.
+#[target_feature(enable = "avx512f")]
+#[inline]
+fn row_numbers(index: usize) -> __m512i {
+    _mm512_add_epi32(
+        _mm512_set_epi32(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0),
+        _mm512_set1_epi32((index * ROWS_PER_GROUP) as i32),
+    )
+}
+
+/// As [`row_numbers`], but all ones for rows outside `rows`, which makes their key `NO_KEY`.
+#[target_feature(enable = "avx512f")]
+#[inline]
+fn numbers_inside(index: usize, rows: &Range<u32>) -> __m512i {
+    let row = row_numbers(index);
+    let start = _mm512_set1_epi32(rows.start.cast_signed());
+    let end = _mm512_set1_epi32(rows.end.cast_signed());
+    let inside = _mm512_cmpge_epu32_mask(row, start) & _mm512_cmplt_epu32_mask(row, end);
+    _mm512_mask_mov_epi32(_mm512_set1_epi32(NO_KEY.cast_signed()), inside, row)
 }
 
 #[target_feature(enable = "avx512f")]

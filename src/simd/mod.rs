@@ -20,8 +20,8 @@
 //! nothing is allocated except in [`PackedDescriptors`].
 //!
 //! Not for: other lengths than 256 bits, more than two neighbours, approximate search.
-//! The NEON kernel has been compiled against its documentation only: no machine of that kind has run
-//! its tests yet, which run for every kernel that [`Kernel::available`] lists.
+//! The NEON kernel is not verified: it has been neither compiled nor run yet. Its tests are those of
+//! every kernel that [`Kernel::available`] lists.
 #![allow(unsafe_code)] // reason: vector instructions are unsafe to call before the CPU is asked.
 
 #[cfg(target_arch = "x86_64")]

@@ -1,6 +1,6 @@
 //! How does NEON count? Byte counts of two rows per vector, four rows per key vector.
 //!
-//! Not verified: this kernel has not run on a machine yet.
+//! Not verified: this kernel has been neither compiled nor run yet.
 
 use std::arch::aarch64::{
     uint32x4_t, uint64x2_t, vaddq_u8, vcntq_u8, vdupq_n_u8, vdupq_n_u32, vdupq_n_u64, veorq_u64,

@@ -1,9 +1,8 @@
 //! Which rhythms are looked for?
 
-use std::f64::consts::TAU;
-
 use serde::{Deserialize, Serialize};
 
+use super::phasor::unit;
 use crate::error::{Error, ErrorKind, Result};
 use crate::time::{Period, Time};
 
@@ -113,7 +112,7 @@ impl CandidatePeriods {
         let (cos, sin) = out.split_at_mut(count);
         match &self.0 {
             Kind::Harmonic { base, .. } => {
-                (sin[0], cos[0]) = (TAU * time.phase(*base)).sin_cos();
+                (cos[0], sin[0]) = unit(time.phase(*base));
                 let mut done = 1;
                 while done < count {
                     let step = (cos[done - 1], sin[done - 1]);
@@ -129,7 +128,7 @@ impl CandidatePeriods {
             }
             Kind::List(periods) => {
                 for ((cos, sin), period) in cos.iter_mut().zip(sin).zip(periods) {
-                    (*sin, *cos) = (TAU * time.phase(*period)).sin_cos();
+                    (*cos, *sin) = unit(time.phase(*period));
                 }
             }
         }
@@ -143,14 +142,24 @@ impl CandidatePeriods {
     pub fn phasor(&self, index: usize, time: Time) -> (f64, f64) {
         assert!(index < self.len(), "candidate {index} of {}", self.len());
         match &self.0 {
-            Kind::Harmonic { base, .. } => {
-                let (sin, cos) = (TAU * time.phase(*base)).sin_cos();
-                power((cos, sin), index as u32 + 1)
-            }
-            Kind::List(periods) => {
-                let (sin, cos) = (TAU * time.phase(periods[index])).sin_cos();
-                (cos, sin)
-            }
+            Kind::Harmonic { base, .. } => power(unit(time.phase(*base)), index as u32 + 1),
+            Kind::List(periods) => unit(time.phase(periods[index])),
+        }
+    }
+
+    /// Base period and count, if the set is harmonic.
+    pub fn as_harmonic(&self) -> Option<(Period, usize)> {
+        match self.0 {
+            Kind::Harmonic { base, count } => Some((base, count.into())),
+            Kind::List(_) => None,
+        }
+    }
+
+    /// The periods of an explicit list; none of a harmonic set.
+    pub fn as_list(&self) -> &[Period] {
+        match &self.0 {
+            Kind::Harmonic { .. } => &[],
+            Kind::List(periods) => periods,
         }
     }
 }
@@ -234,6 +243,8 @@ impl From<CandidatePeriods> for Text {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use super::*;
 
     #[test]

@@ -1,8 +1,12 @@
 //! What rhythms are in this 0/1 history?
 //!
 //! Pure mathematics of one binary state observed at known times; nothing here knows what the state
-//! means. [`CandidatePeriods`] is the set Omega of rhythms that are looked for,
-//! [`strongest`] selects the few that a model of order l keeps.
+//! means. [`CandidatePeriods`] is the set Omega of rhythms that are looked for; [`SpectralSums`] learn a
+//! state from observations at any times, and a [`PhasorTable`] many states that share their times;
+//! [`strongest`] selects the few rhythms that a model of order l keeps, and [`Rhythms`] is p(t).
+//! A state that was sampled at a steady rate is a [`UniformSpectrum`]: a few rhythms and an
+//! [`OutlierSet`], from which every sample can be given back.
+//! [`LiteralFremen`] repeats the papers' own update rules for comparison.
 //!
 //! # Notation
 //!
@@ -24,7 +28,20 @@
 //! form above is exact, independent of order and mergeable.
 
 mod candidates;
+mod codec;
+mod literal;
+mod outliers;
+mod phasor;
+mod rhythms;
 mod select;
+mod sums;
+mod uniform;
 
 pub use candidates::CandidatePeriods;
+pub use literal::{Balance, LiteralFremen};
+pub use outliers::OutlierSet;
+pub use rhythms::{Component, Rhythms};
 pub use select::{NEGLIGIBLE_AMPLITUDE, strongest};
+pub(crate) use sums::from_fixed;
+pub use sums::{MAX_OBSERVATIONS, P_UNKNOWN, PhasorTable, SpectralSums};
+pub use uniform::{Encoding, UniformSpectrum};

@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::spectrum::CandidatePeriods;
+use crate::spectrum::{Balance, CandidatePeriods};
+use crate::time::Period;
 
 /// What a feature was at the visits before the one it was born in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -183,7 +184,113 @@ pub enum ModelConfig {
         candidates: CandidatePeriods,
         /// How many of them a feature may have.
         order: Order,
+        /// Exact, or as one of the papers prints it.
+        #[serde(default)]
+        balance: Balance,
     },
+    /// [`Histogram`](super::Histogram).
+    #[serde(rename_all = "kebab-case")]
+    Histogram {
+        /// The cycle: a day for time of day, a week for time of week.
+        #[serde(rename = "period-s", with = "period_s")]
+        period: Period,
+        /// Equal parts of the cycle.
+        num_bins: usize,
+        /// So many observations at the feature's mean are added to every part.
+        #[serde(default = "one")]
+        prior: f64,
+    },
+    /// [`Pergam`](super::Pergam).
+    #[serde(rename_all = "kebab-case")]
+    Pergam {
+        /// The cycle.
+        #[serde(rename = "period-s", with = "period_s")]
+        period: Period,
+        /// Equal parts of the cycle in which the profile is taken.
+        num_bins: usize,
+        /// Gaussians.
+        order: usize,
+    },
+    /// [`Markov`](super::Markov).
+    Markov {},
+    /// [`Persistent`](super::Persistent).
+    Persistent {
+        /// The model that describes the long term.
+        of: Box<ModelConfig>,
+    },
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// A period as a number of seconds.
+mod period_s {
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    use crate::time::Period;
+
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
+    pub(super) fn serialize<S: Serializer>(
+        period: &Period,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        serializer.serialize_f64(period.as_s())
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Period, D::Error> {
+        Period::from_s(f64::deserialize(deserializer)?).map_err(D::Error::custom)
+    }
+}
+
+impl ModelConfig {
+    /// More parts of a cycle, or Gaussians, than this are refused.
+    const MAX_PARTS: usize = 100_000;
+
+    fn validate(&self) -> Result<()> {
+        let parts = |name: &str, count: usize| {
+            if (1..=Self::MAX_PARTS).contains(&count) {
+                return Ok(());
+            }
+            Err(Error::new(
+                ErrorKind::Config,
+                format!("{name} must be 1 to {}, not {count}", Self::MAX_PARTS),
+            ))
+        };
+        match self {
+            Self::Fremen {
+                order: Order::HeldOut(held_out),
+                ..
+            } => held_out.validate(),
+            Self::Mean {} | Self::Fremen { .. } | Self::Markov {} => Ok(()),
+            Self::Histogram {
+                num_bins, prior, ..
+            } => {
+                parts("num-bins", *num_bins)?;
+                not_negative("prior", *prior)
+            }
+            Self::Pergam {
+                num_bins, order, ..
+            } => {
+                parts("num-bins", *num_bins)?;
+                parts("order", *order)
+            }
+            Self::Persistent { of } => of.validate(),
+        }
+    }
+}
+
+fn not_negative(name: &str, value: f64) -> Result<()> {
+    if value.is_finite() && value >= 0.0 {
+        return Ok(());
+    }
+    Err(Error::new(
+        ErrorKind::Config,
+        format!("{name} must be a finite number from 0, not {value}"),
+    ))
 }
 
 impl Default for ModelConfig {
@@ -224,7 +331,14 @@ impl VisibilityConfig {
 
     /// FreMEn with these rhythms.
     pub fn fremen(candidates: CandidatePeriods, order: Order) -> Self {
-        Self::new(ModelConfig::Fremen { candidates, order })
+        Self {
+            model: ModelConfig::Fremen {
+                candidates,
+                order,
+                balance: Balance::Exact,
+            },
+            ..Self::default()
+        }
     }
 
     /// Preset `lttl`: the strongest fraction of a year, whatever the visits can support.
@@ -244,11 +358,12 @@ impl VisibilityConfig {
     }
 
     /// Any model, without guards, unborn features not seen.
-    pub fn new(model: ModelConfig) -> Self {
-        Self {
+    pub fn new(model: ModelConfig) -> Result<Self> {
+        model.validate()?;
+        Ok(Self {
             model,
             ..Self::default()
-        }
+        })
     }
 
     /// What a feature was before its birth.
@@ -317,13 +432,7 @@ impl TryFrom<Text> for VisibilityConfig {
         if let Some(guards) = &text.guards {
             guards.validate()?;
         }
-        if let ModelConfig::Fremen {
-            order: Order::HeldOut(held_out),
-            ..
-        } = &text.model
-        {
-            held_out.validate()?;
-        }
+        text.model.validate()?;
         Ok(Self {
             model: text.model,
             before_birth: text.before_birth,

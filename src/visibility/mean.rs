@@ -3,6 +3,7 @@
 //! `p(t) = seen / observed`, the long-term memory of RAS 4.3.1 and FreMEn of order 0.
 
 use super::VisibilityModel;
+use super::evidence::Evidence;
 use crate::time::Time;
 
 /// The long-term mean; 8 bytes a feature, O(1) a prediction.
@@ -13,9 +14,10 @@ pub struct Mean {
     p: Vec<f64>,
 }
 
-impl Mean {
-    pub(super) fn new(p: Vec<f64>) -> Self {
-        Self { p }
+/// O(features + one bits).
+pub(super) fn fit(evidence: &Evidence<'_>) -> Mean {
+    Mean {
+        p: evidence.counts().means(),
     }
 }
 

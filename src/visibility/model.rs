@@ -2,19 +2,8 @@
 
 use std::fmt::Debug;
 
+use crate::spectrum::Component;
 use crate::time::Time;
-
-/// One rhythm of one feature: `amplitude cos(2 pi t / period_s + phase_rad)`, with t in seconds since
-/// the Unix epoch.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Component {
-    /// The length of a cycle, in seconds.
-    pub period_s: f64,
-    /// How far p(t) swings to either side: `2 abs(g_k)`.
-    pub amplitude: f64,
-    /// `arg g_k`, in (-pi, pi].
-    pub phase_rad: f64,
-}
 
 /// The visibility p(t) of every feature of one place.
 pub trait VisibilityModel: Debug + Send + Sync {

@@ -5,4 +5,7 @@ mod feature;
 #[cfg(feature = "opencv")]
 mod feature_opencv;
 mod map;
+mod matching;
+mod spectrum;
+mod synthetic;
 mod visibility;

@@ -172,6 +172,18 @@ pub(super) fn paint_window(rng: &mut Rng, width: i32, height: i32) -> Patch {
     .soften()
 }
 
+/// A window behind drawn blinds.
+pub(super) fn paint_blinds(rng: &mut Rng, width: i32, height: i32) -> Patch {
+    let frame = rng.int(175, 225);
+    paint_frame(width, height, frame, |patch, x, y, w, h, _| {
+        patch.rect(x, y, w, h, 168);
+        for slat in (1..h).step_by(3) {
+            patch.rect(x, y + slat, w, 1, 140);
+        }
+    })
+    .soften()
+}
+
 /// A lit window: bright panes with the dark shapes of what stands behind them.
 pub(super) fn paint_lit_window(rng: &mut Rng, width: i32, height: i32) -> Patch {
     let mut patch = paint_frame(width, height, 60, |patch, x, y, w, h, _| {
@@ -242,7 +254,7 @@ pub(super) fn paint_foliage(rng: &mut Rng, width: i32, height: i32, tone: i32) -
     patch.soften()
 }
 
-/// A crown without leaves, with snow in its forks.
+/// A crown without leaves, with snow, rime or nests in its forks.
 pub(super) fn paint_bare_crown(rng: &mut Rng, width: i32, height: i32) -> Patch {
     let mut patch = Patch::new(width, height);
     let root = (width / 2, height - 1);
@@ -291,7 +303,7 @@ pub(super) fn paint_ivy(rng: &mut Rng, width: i32, height: i32) -> Patch {
     patch.soften()
 }
 
-/// The wall behind the climbing plants: a trellis with frost and clumps of snow.
+/// The wall behind the climbing plants: a trellis with rime and withered blossoms.
 pub(super) fn paint_trellis(rng: &mut Rng, width: i32, height: i32) -> Patch {
     let mut patch = Patch::new(width, height);
     for x in (4..width - 3).step_by(11) {
@@ -461,7 +473,7 @@ pub(super) fn paint_stall(rng: &mut Rng, width: i32, height: i32) -> Patch {
     patch.soften()
 }
 
-/// A delivery van seen from the side, with lettering and wheels.
+/// A delivery van seen from the side, with a picture on it.
 pub(super) fn paint_van(rng: &mut Rng, width: i32, height: i32) -> Patch {
     let mut patch = Patch::new(width, height);
     let paintwork = if rng.chance(0.5) { 205 } else { 65 };
@@ -507,21 +519,59 @@ pub(super) fn paint_cafe(rng: &mut Rng, width: i32, height: i32) -> Patch {
     patch.soften()
 }
 
-/// A heap of swept snow with grit on it.
-pub(super) fn paint_snow_heap(rng: &mut Rng, width: i32, height: i32) -> Patch {
+/// Firewood: the ends of stacked logs, with snow or moss here and there.
+pub(super) fn paint_firewood(rng: &mut Rng, width: i32, height: i32) -> Patch {
     let mut patch = Patch::new(width, height);
-    patch.ellipse(width / 2, height, width / 2 - 1, height * 3 / 4, 228);
-    patch.ellipse(width / 3, height, width / 3, height - 8, 236);
-    for _ in 0..rng.int(14, 18) {
-        let (x, y) = (rng.int(5, width - 6), rng.int(height / 3, height - 4));
-        if patch.cover[(y * width + x) as usize] > 0 {
-            patch.ellipse(x, y, rng.int(2, 5), rng.int(2, 3), rng.int(60, 150));
+    patch.rect(2, height / 4, width - 4, height * 3 / 4, 46);
+    let mut y = height - 5;
+    while y > height / 4 {
+        let mut x = rng.int(5, 8);
+        while x < width - 5 {
+            let radius = rng.int(3, 5);
+            let value = rng.int(120, 215);
+            patch.ellipse(x, y, radius, radius, value);
+            patch.ellipse(x, y, 1, 1, value - 50);
+            x += 2 * radius + 1;
         }
+        y -= 9;
+    }
+    for _ in 0..rng.int(4, 6) {
+        let (x, y) = (rng.int(6, width - 7), rng.int(height / 4, height - 6));
+        let value = if rng.chance(0.6) { 240 } else { 25 };
+        patch.ellipse(x, y, rng.int(3, 6), rng.int(2, 4), value);
     }
     patch.soften()
 }
 
-/// A crate of tools, a bench, bins: what stands there when nothing better does.
+/// Trodden snow on the ground or on a roof, thinner towards its upper border.
+pub(super) fn paint_snow(rng: &mut Rng, width: i32, height: i32) -> Patch {
+    let mut patch = Patch::new(width, height);
+    for x in 0..width {
+        let top = rng.int(1, 3);
+        patch.rect(x, top, 1, height - top, 232);
+    }
+    for _ in 0..width * height / 300 {
+        let (x, y) = (rng.int(0, width - 1), rng.int(5, height.max(6)));
+        patch.ellipse(x, y, rng.int(2, 7), 1, rng.int(185, 215));
+    }
+    patch.soften()
+}
+
+/// A cloud.
+pub(super) fn paint_cloud(rng: &mut Rng, width: i32, height: i32) -> Patch {
+    let mut patch = Patch::new(width, height);
+    for _ in 0..5 {
+        let (a, b) = (width / 5, height / 4);
+        let (x, y) = (
+            rng.int(a + 1, width - a - 2),
+            rng.int(b + 1, height - b - 2),
+        );
+        patch.ellipse(x, y, a, b, 238);
+    }
+    patch.soften()
+}
+
+/// A bench, with things left on it.
 pub(super) fn paint_bench(rng: &mut Rng, width: i32, height: i32) -> Patch {
     let mut patch = Patch::new(width, height);
     let seat = height * 3 / 5;

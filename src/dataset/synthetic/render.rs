@@ -8,11 +8,8 @@
 use super::paint::{self, Patch};
 use super::random::{Rng, hash};
 use super::rhythm::{smoothstep, wave};
-use super::scene::{Scene, Street};
+use super::scene::{MARGIN, Scene, Street};
 use crate::time::{Period, Time};
-
-/// Canvas around the reference frame, px; more than any viewpoint moves.
-const MARGIN: i32 = 16;
 
 /// Where the camera of a visit stands relative to the reference frame.
 ///
@@ -230,14 +227,17 @@ pub(super) fn render(street: &Street, scene: &Scene, key: u64, time: Time) -> Ve
     let Visit { view, mut rng } = Visit::new(key);
     let light = Light::new(street, time, &mut rng);
     let mut canvas = Canvas::new(&scene.background);
+    for _ in 0..rng.int(0, 3) {
+        let cloud = paint::paint_cloud(&mut rng, 70, 22);
+        let x = rng.int(-60, street.width);
+        canvas.draw(&cloud, x, rng.int(-8, street.facade_y() - 44), None);
+    }
     for element in scene.shown(key, time).filter(|element| !element.is_lit()) {
-        let rect = element.rect();
-        canvas.draw(&element.patch, rect.x as i32, rect.y as i32, None);
+        canvas.draw(&element.patch, element.at.0, element.at.1, None);
     }
     canvas.illuminate(&light, street.facade_y());
     for element in scene.shown(key, time).filter(|element| element.is_lit()) {
-        let rect = element.rect();
-        canvas.draw(&element.patch, rect.x as i32, rect.y as i32, None);
+        canvas.draw(&element.patch, element.at.0, element.at.1, None);
     }
     for (x, y, patch) in &scene.foreground {
         canvas.draw(patch, *x, *y, Some(&light.open));

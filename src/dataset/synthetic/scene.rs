@@ -11,6 +11,8 @@ use super::rhythm::{Activity, Rhythm, Window};
 use crate::feature::Rect;
 use crate::time::Time;
 
+/// How far pictures may reach beyond the image, px; more than any viewpoint moves.
+pub(super) const MARGIN: i32 = 16;
 /// Width of a bay of the facade, px.
 pub(super) const BAY: i32 = 52;
 /// Height of a row of the facade, px.
@@ -26,6 +28,8 @@ const SKY: i32 = 40;
 pub enum ElementKind {
     /// A window from the catalogue that all places share.
     Window,
+    /// Such a window with its blinds drawn.
+    Blinds,
     /// A window lit from inside.
     LitWindow,
     /// Closed shutters.
@@ -56,8 +60,10 @@ pub enum ElementKind {
     Van,
     /// Parasol, chairs and tables.
     Cafe,
-    /// A heap of swept snow.
-    SnowHeap,
+    /// Stacked firewood.
+    Firewood,
+    /// Snow on pavement and road, or on the roof.
+    Snow,
 }
 
 /// One thing that is drawn at some visits and not at others.
@@ -69,6 +75,8 @@ pub struct Element {
     rect: Rect,
     shared: bool,
     rhythm: Rhythm,
+    /// Upper-left pixel of the patch, which may reach beyond the image.
+    pub(super) at: (i32, i32),
     pub(super) patch: Patch,
 }
 
@@ -180,23 +188,18 @@ enum Plan {
     Parking,
 }
 
-/// Upper cells of a place, repeated in this order until all are planned, then shuffled.
-const UPPER: [Plan; 10] = [
-    Plan::SharedWindow,
+/// Cells between the top row and the ground, repeated in this order until all are planned, then
+/// shuffled.
+const MIDDLE: [Plan; 5] = [
     Plan::NightWindow,
     Plan::Climbers,
-    Plan::SharedWindow,
-    Plan::NightWindow,
-    Plan::SharedWindow,
-    Plan::Climbers,
-    Plan::NightWindow,
-    Plan::SharedWindow,
     Plan::Mural,
+    Plan::NightWindow,
+    Plan::Climbers,
 ];
 
 /// Cells on the ground, likewise.
-const GROUND_FLOOR: [Plan; 6] = [
-    Plan::SharedDoor,
+const GROUND_FLOOR: [Plan; 5] = [
     Plan::Shop,
     Plan::Terrace,
     Plan::Door,
@@ -204,8 +207,15 @@ const GROUND_FLOOR: [Plan; 6] = [
     Plan::Parking,
 ];
 
-/// Probability of an element in its phase, and out of it.
+/// Probability that a window of the top row is of the rarer of the two models.
+const RARE: f64 = 0.30;
+
+/// Probability that somebody has drawn the blinds of a shared window, at any time.
+const BLINDS: f64 = 0.12;
+
+/// Probability of an element in its phase.
 const HIGH: f64 = 0.96;
+/// Probability of an element out of its phase, where people may be early or late.
 const LOW: f64 = 0.02;
 
 fn summer(rng: &mut Rng) -> Activity {
@@ -215,6 +225,13 @@ fn summer(rng: &mut Rng) -> Activity {
             rng.range(0.44, 0.54),
             0.08,
         )),
+        ..Activity::default()
+    }
+}
+
+fn deep_winter() -> Activity {
+    Activity {
+        year: Some(Window::around(0.04, 0.24, 0.08)),
         ..Activity::default()
     }
 }
@@ -283,11 +300,12 @@ impl Builder<'_> {
             cell: self.cell,
             kind,
             rect: Rect {
-                x: at.0 as u32,
-                y: at.1 as u32,
-                width: patch.width as u32,
-                height: patch.height as u32,
+                x: at.0.max(0) as u32,
+                y: at.1.max(0) as u32,
+                width: (patch.width.min(self.street.width - at.0) + at.0.min(0)) as u32,
+                height: (patch.height.min(self.street.height - at.1) + at.1.min(0)) as u32,
             },
+            at,
             shared,
             rhythm,
             patch,
@@ -299,8 +317,23 @@ impl Builder<'_> {
         let street = self.street;
         match plan {
             Plan::SharedWindow => {
-                let patch = paint::paint_window(&mut street.shared(1), w, h);
-                self.add(ElementKind::Window, at, true, Rhythm::constant(0.97), patch);
+                let model = if rng.chance(RARE) { 3 } else { 1 };
+                let patch = paint::paint_window(&mut street.shared(model), w, h);
+                let blinds = paint::paint_blinds(&mut street.shared(5), w, h);
+                self.add(
+                    ElementKind::Window,
+                    at,
+                    true,
+                    Rhythm::constant(1.0 - BLINDS),
+                    patch,
+                );
+                self.add(
+                    ElementKind::Blinds,
+                    at,
+                    true,
+                    Rhythm::constant(BLINDS),
+                    blinds,
+                );
             }
             Plan::SharedDoor => {
                 let patch = paint::paint_closed_door(&mut street.shared(2), w, h);
@@ -314,7 +347,7 @@ impl Builder<'_> {
             }
             Plan::Mural => {
                 let patch = paint::paint_mural(rng, w, h);
-                self.add(ElementKind::Mural, at, false, Rhythm::constant(0.90), patch);
+                self.add(ElementKind::Mural, at, false, Rhythm::constant(0.85), patch);
             }
             Plan::NightWindow => {
                 let activity = daytime(rng);
@@ -374,12 +407,12 @@ impl Builder<'_> {
             Plan::Terrace => {
                 let activity = summer(rng);
                 let cafe = paint::paint_cafe(rng, w, h);
-                let snow = paint::paint_snow_heap(rng, w, h);
+                let wood = paint::paint_firewood(rng, w, h);
                 self.pair(
                     activity,
                     at,
                     (ElementKind::Cafe, cafe),
-                    (ElementKind::SnowHeap, snow),
+                    (ElementKind::Firewood, wood),
                 );
             }
             Plan::Parking => {
@@ -397,7 +430,8 @@ impl Builder<'_> {
         self.cell += 1;
     }
 
-    /// Adds an element that shows while active and its counterpart that shows while not.
+    /// Adds an element that shows while active and its counterpart that shows while not. Seasons make
+    /// no exceptions, people do.
     fn pair(
         &mut self,
         activity: Activity,
@@ -405,18 +439,19 @@ impl Builder<'_> {
         active: (ElementKind, Patch),
         inactive: (ElementKind, Patch),
     ) {
+        let low = if activity.year.is_some() { 0.0 } else { LOW };
         self.add(
             active.0,
             at,
             false,
-            Rhythm::with(activity, LOW, HIGH),
+            Rhythm::with(activity, low, HIGH),
             active.1,
         );
         self.add(
             inactive.0,
             at,
             false,
-            Rhythm::without(activity, LOW, HIGH),
+            Rhythm::without(activity, low, HIGH),
             inactive.1,
         );
     }
@@ -443,8 +478,8 @@ impl Scene {
         inner.sort_unstable();
 
         for &bay in &trees {
-            let (x, y) = (street.bay_x(bay), street.facade_y());
-            let height = (rows - 1) * ROW;
+            let (x, y) = (street.bay_x(bay), street.facade_y() + ROW);
+            let height = (rows - 2) * ROW + ROW / 2;
             background.line(
                 (x + BAY / 2, y + height - 8),
                 (x + BAY / 2, street.ground_y() + 6),
@@ -464,47 +499,47 @@ impl Scene {
             builder.cell += 1;
         }
 
-        let mut upper: Vec<Plan> = UPPER
-            .iter()
-            .copied()
-            .cycle()
-            .take(inner.len() * (rows - 1) as usize)
-            .collect();
-        rng.shuffle(&mut upper);
-        let mut ground: Vec<Plan> = GROUND_FLOOR
-            .iter()
-            .copied()
-            .cycle()
-            .take(inner.len())
-            .collect();
-        rng.shuffle(&mut ground);
-        let mut upper = upper.into_iter();
-        let mut ground = ground.into_iter();
+        let planned = |plans: &[Plan], num: usize, rng: &mut Rng| {
+            let mut plans: Vec<Plan> = plans.iter().copied().cycle().take(num).collect();
+            rng.shuffle(&mut plans);
+            plans.into_iter()
+        };
+        let mut middle = planned(&MIDDLE, inner.len() * (rows - 2) as usize, &mut rng);
+        let mut ground = planned(&GROUND_FLOOR, inner.len(), &mut rng);
         for bay in 0..bays {
-            if trees.contains(&bay) {
-                continue;
-            }
-            let edge = bay == 0 || bay == bays - 1;
             let x = street.bay_x(bay) + 2;
-            for row in 0..rows - 1 {
+            let is_inner = inner.contains(&bay);
+            for row in 0..rows {
+                let is_ground = row == rows - 1;
                 let y = street.facade_y() + row * ROW + 4;
-                let plan = if edge { None } else { upper.next() };
-                builder.fill(
-                    plan.unwrap_or(Plan::SharedWindow),
-                    (x, y),
-                    (BAY - 4, ROW - 8),
-                    &mut rng,
-                );
+                let height = if is_ground { ROW - 4 } else { ROW - 8 };
+                let plan = match (row, is_inner) {
+                    (0, _) => Some(Plan::SharedWindow),
+                    (_, false) if trees.contains(&bay) => None,
+                    (_, true) if is_ground => ground.next(),
+                    (_, true) => middle.next(),
+                    (_, false) if is_ground => Some(Plan::SharedDoor),
+                    (_, false) => Some(Plan::SharedWindow),
+                };
+                if let Some(plan) = plan {
+                    builder.fill(plan, (x, y), (BAY - 4, height), &mut rng);
+                }
             }
-            let plan = if edge { None } else { ground.next() };
-            let height = ROW - 4;
-            builder.fill(
-                plan.unwrap_or(Plan::SharedDoor),
-                (x, street.ground_y() - height),
-                (BAY - 4, height),
-                &mut rng,
-            );
         }
+
+        let snow = Rhythm::with(deep_winter(), 0.0, 0.9);
+        let road = paint::paint_snow(&mut rng, street.width + 2 * MARGIN, GROUND + MARGIN);
+        builder.add(
+            ElementKind::Snow,
+            (-MARGIN, street.ground_y()),
+            false,
+            snow,
+            road,
+        );
+        builder.cell += 1;
+        let roof = paint::paint_snow(&mut rng, street.width + 2 * MARGIN, 12);
+        let at = (-MARGIN, street.facade_y() - 14);
+        builder.add(ElementKind::Snow, at, false, snow, roof);
 
         let post = paint::paint_lamp_post(16, 112);
         let foreground = [1, bays / 2, bays - 1]

@@ -1,0 +1,81 @@
+//! What is p(t) of one state, given its strongest rhythms?
+
+use super::candidates::CandidatePeriods;
+use crate::time::Time;
+
+/// One rhythm: `amplitude cos(2 pi t / period_s + phase_rad)`, with t in seconds since the Unix epoch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Component {
+    /// The length of a cycle, in seconds.
+    pub period_s: f64,
+    /// How far p(t) swings to either side: `2 abs(g_k)`.
+    pub amplitude: f64,
+    /// `arg g_k`, in (-pi, pi].
+    pub phase_rad: f64,
+}
+
+impl Component {
+    /// From the factors of `cos(w t)` and `sin(w t)`.
+    pub(crate) fn of_terms(period_s: f64, cos: f64, sin: f64) -> Self {
+        Self {
+            period_s,
+            amplitude: cos.hypot(sin),
+            phase_rad: (-sin).atan2(cos),
+        }
+    }
+}
+
+/// A mean and a few rhythms: `p(t) = clamp(mu + sum of their cosines)` (T-RO eq. 10 with the factor 2).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rhythms {
+    candidates: CandidatePeriods,
+    mean: f64,
+    /// Index of the candidate, factors of its cosine and sine; strongest first.
+    terms: Vec<(u16, f64, f64)>,
+}
+
+impl Rhythms {
+    pub(crate) fn new(
+        candidates: CandidatePeriods,
+        mean: f64,
+        terms: Vec<(u16, f64, f64)>,
+    ) -> Self {
+        Self {
+            candidates,
+            mean,
+            terms,
+        }
+    }
+
+    /// The long-term mean.
+    pub fn mean(&self) -> f64 {
+        self.mean
+    }
+
+    /// How many rhythms there are.
+    pub fn order(&self) -> usize {
+        self.terms.len()
+    }
+
+    /// The rhythms, strongest first.
+    pub fn components(&self) -> impl Iterator<Item = Component> + '_ {
+        self.terms
+            .iter()
+            .map(|&(k, cos, sin)| Component::of_terms(self.candidates.period_s(k.into()), cos, sin))
+    }
+
+    /// p(`time`) in [0, 1]; O(l log K).
+    pub fn p(&self, time: Time) -> f64 {
+        let mut p = self.mean;
+        for &(k, re, im) in &self.terms {
+            let (cos, sin) = self.candidates.phasor(k.into(), time);
+            p += re * cos + im * sin;
+        }
+        p.clamp(0.0, 1.0)
+    }
+
+    /// Whether the state is 1 with confidence `c`: `p(time) >= c` (T-RO eq. 9).
+    pub fn predict(&self, time: Time, c: f64) -> bool {
+        self.p(time) >= c
+    }
+}

@@ -1,0 +1,344 @@
+//! Properties of sums and spectral models, and the papers' numbers for the door where the data are.
+
+#![allow(clippy::expect_used, reason = "a broken fixture ends the test")]
+
+use std::f64::consts::TAU;
+use std::io::Read;
+use std::path::PathBuf;
+
+use chronotope::spectrum::{
+    Balance, CandidatePeriods, Encoding, LiteralFremen, SpectralSums, UniformSpectrum,
+};
+use chronotope::{ErrorKind, Period, Time};
+use proptest::prelude::*;
+
+const SECOND: i64 = 1_000_000;
+
+fn second() -> Period {
+    Period::from_us(SECOND).expect("positive")
+}
+
+fn harmonic(base: Period, count: usize) -> CandidatePeriods {
+    CandidatePeriods::harmonic(base, count).expect("valid")
+}
+
+fn sums_of(candidates: &CandidatePeriods, observations: &[(i64, bool)]) -> SpectralSums {
+    let mut sums = SpectralSums::new(candidates.clone());
+    for &(us, state) in observations {
+        sums.add(Time::from_us(us), state).expect("few");
+    }
+    sums
+}
+
+fn observations() -> impl Strategy<Value = Vec<(i64, bool)>> {
+    prop::collection::vec((any::<i64>(), any::<bool>()), 0..40)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn merging_is_commutative_and_associative_and_subtracting_undoes_it(
+        a in observations(),
+        b in observations(),
+        c in observations(),
+        count in 1_usize..40,
+    ) {
+        let candidates = harmonic(Period::WEEK, count);
+        let sum = |parts: &[&SpectralSums]| {
+            let mut total = SpectralSums::new(candidates.clone());
+            for part in parts {
+                total.merge(part).expect("same candidates");
+            }
+            total
+        };
+        let (a, b, c) = (sums_of(&candidates, &a), sums_of(&candidates, &b), sums_of(&candidates, &c));
+        let ab = sum(&[&a, &b]);
+        prop_assert_eq!(&ab, &sum(&[&b, &a]));
+        prop_assert_eq!(sum(&[&ab, &c]), sum(&[&a, &sum(&[&b, &c])]));
+        let mut undone = sum(&[&ab, &c]);
+        undone.subtract(&c).expect("was added");
+        undone.subtract(&b).expect("was added");
+        prop_assert_eq!(&undone, &a);
+        prop_assert_eq!(&SpectralSums::from_bytes(&a.to_bytes()).expect("own bytes"), &a);
+    }
+
+    #[test]
+    fn sums_equal_exact_phases_at_any_time(
+        observations in observations(),
+        order in 0_usize..4,
+        us in any::<i64>(),
+    ) {
+        let (base, count) = (Period::YEAR, 50);
+        let candidates = harmonic(base, count);
+        let rhythms = sums_of(&candidates, &observations).rhythms(count);
+        let total = observations.len().max(1) as f64;
+        let mean = observations.iter().filter(|o| o.1).count() as f64 / total;
+        let mean = if observations.is_empty() { 0.5 } else { mean };
+        prop_assert!((rhythms.mean() - mean).abs() < 1e-15);
+        for component in rhythms.components() {
+            let k = (base.as_s() / component.period_s).round() as i128;
+            let (mut re, mut im) = (0.0, 0.0);
+            for &(us, state) in &observations {
+                let turn = (i128::from(us) * k).rem_euclid(i128::from(base.as_us()));
+                let (sin, cos) = (TAU * (turn as f64 / base.as_us() as f64)).sin_cos();
+                re += (f64::from(u8::from(state)) - mean) * cos;
+                im -= (f64::from(u8::from(state)) - mean) * sin;
+            }
+            prop_assert!((2.0 * re.hypot(im) / total - component.amplitude).abs() < 4e-12);
+        }
+        let p = sums_of(&candidates, &observations).rhythms(order).p(Time::from_us(us));
+        prop_assert!((0.0..=1.0).contains(&p));
+    }
+
+    #[test]
+    fn damaged_sums_are_refused(bit in 0_usize..10_000, cut in 0_usize..10_000) {
+        let bytes = sums_of(&harmonic(Period::DAY, 5), &[(7, true), (9, false)]).to_bytes();
+        let mut flipped = bytes.clone();
+        flipped[bit / 8 % bytes.len()] ^= 1 << (bit % 8);
+        prop_assert!(SpectralSums::from_bytes(&flipped).is_err());
+        prop_assert!(SpectralSums::from_bytes(&bytes[..cut % bytes.len()]).is_err());
+    }
+
+    #[test]
+    fn a_uniform_spectrum_gives_every_sample_back(
+        states in prop::collection::vec(prop_oneof![5 => any::<bool>().prop_map(Some), 1 => Just(None)], 0..300),
+        added in prop::collection::vec(prop_oneof![5 => any::<bool>().prop_map(Some), 1 => Just(None)], 0..300),
+        order in 0_usize..8,
+        new_order in 0_usize..8,
+        start in any::<i64>(),
+    ) {
+        let start = Time::from_us(start);
+        let mut model = UniformSpectrum::build_with_missing(start, second(), &states, order).expect("short");
+        let all = |model: &UniformSpectrum| model.reconstruct(0..model.num_samples());
+        prop_assert_eq!(&all(&model), &states);
+        let mut expected = states;
+        for state in added {
+            model.add(state).expect("short");
+            expected.push(state);
+        }
+        prop_assert_eq!(&all(&model), &expected);
+        let decoded = UniformSpectrum::from_bytes(&model.to_bytes(Encoding::Lossless)).expect("own bytes");
+        prop_assert_eq!(&decoded, &model);
+        prop_assert!(model.best_order(5).expect("short") <= 5);
+        model.update(new_order).expect("short");
+        prop_assert_eq!(&all(&model), &expected);
+        // The outlier set alone tells the error of any interval.
+        let (from, to) = (expected.len() / 3, expected.len());
+        let mut wrong = 0;
+        for (index, state) in expected.iter().enumerate().take(to).skip(from) {
+            let outlier = model.outliers().contains(index as u64);
+            prop_assert!(!(outlier && state.is_none()));
+            wrong += u32::from(outlier);
+        }
+        let observed = expected[from..to].iter().flatten().count();
+        let error = f64::from(wrong) / observed.max(1) as f64;
+        prop_assert!((model.estimation_error(from as u64..to as u64) - error).abs() < 1e-12);
+    }
+
+    #[test]
+    fn on_uniform_samples_sums_and_transform_agree(
+        states in prop::collection::vec(any::<bool>(), 2..60),
+    ) {
+        let len = states.len();
+        let cycle = Period::from_us(len as i64 * SECOND).expect("positive");
+        let observations: Vec<_> =
+            states.iter().enumerate().map(|(i, &s)| (i as i64 * SECOND, s)).collect();
+        // Below half the sampling rate, where every rhythm has its twin.
+        let count = ((len - 1) / 2).max(1);
+        let rhythms = sums_of(&harmonic(cycle, count), &observations).rhythms(count);
+        let model = UniformSpectrum::build(Time::from_s(0), second(), &states, len).expect("short");
+        for component in rhythms.components().filter(|c| c.amplitude > 1e-3) {
+            let twin = model.components().find(|c| (c.period_s / component.period_s - 1.0).abs() < 1e-9);
+            let twin = twin.expect("the same rhythm");
+            let is_half_rate = (component.period_s - 2.0).abs() < 1e-9;
+            let expected = if is_half_rate { component.amplitude / 2.0 } else { component.amplitude };
+            prop_assert!((twin.amplitude - expected).abs() < 3e-5);
+            let turn = (twin.phase_rad - component.phase_rad).rem_euclid(TAU);
+            prop_assert!(turn.min(TAU - turn) < 1e-4, "{:?} {:?}", twin, component);
+        }
+    }
+}
+
+#[test]
+fn what_was_never_added_cannot_be_forgotten() {
+    let day = harmonic(Period::DAY, 3);
+    let mut sums = sums_of(&day, &[(1, true), (2, false)]);
+    let error = sums
+        .subtract(&sums_of(&day, &[(1, true), (2, true)]))
+        .expect_err("only one was seen");
+    assert_eq!(error.kind(), ErrorKind::Shape);
+    let week = SpectralSums::new(harmonic(Period::WEEK, 3));
+    assert_eq!(
+        sums.merge(&week).expect_err("other rhythms").kind(),
+        ErrorKind::Config
+    );
+}
+
+#[test]
+fn unchanging_and_single_samples_have_no_rhythm() {
+    for states in [vec![], vec![true], vec![false; 7], vec![true; 9]] {
+        let model = UniformSpectrum::build(Time::from_s(3), second(), &states, 5).expect("short");
+        assert_eq!(model.order(), 0);
+        assert_eq!(model.outliers().limits(), [0_u64; 0]);
+        let expected = match states.first() {
+            None => 0.5,
+            Some(&state) => f64::from(u8::from(state)),
+        };
+        assert_eq!(model.p(Time::from_us(i64::MIN)), expected);
+    }
+}
+
+#[test]
+fn the_literal_rules_agree_with_the_exact_form_where_they_must() {
+    let candidates = harmonic(Period::DAY, 8);
+    // Whole days, hourly: W_k is zero, so no balance is needed.
+    let hours: Vec<_> = (0..240_i64)
+        .map(|hour| (hour * 3_600 * SECOND, hour % 24 < 7))
+        .collect();
+    let exact = sums_of(&candidates, &hours).rhythms(2);
+    for balance in [Balance::Exact, Balance::AlphaOnly, Balance::RunningMean] {
+        let mut literal = LiteralFremen::new(candidates.clone(), balance);
+        for &(us, state) in &hours {
+            literal.add(Time::from_us(us), state);
+        }
+        let tolerance = match balance {
+            Balance::RunningMean => 0.15, // The mean of the first days is not that of all.
+            Balance::Exact | Balance::AlphaOnly => 1e-9,
+        };
+        for hour in 0..24 {
+            let time = Time::from_s(hour * 3_600);
+            let difference = literal.rhythms(2).p(time) - exact.p(time);
+            assert!(difference.abs() < tolerance, "{balance:?} at {hour} h");
+        }
+    }
+}
+
+/// A file below the datasets' root, if the root is known; says that it skips otherwise.
+fn dataset(path: &str) -> Option<PathBuf> {
+    if let Some(root) = std::env::var_os("CHRONOTOPE_DATA") {
+        return Some(PathBuf::from(root).join(path));
+    }
+    eprintln!("SKIPPED: set CHRONOTOPE_DATA to the datasets' folder to test with {path}");
+    None
+}
+
+/// Start and states of a series with one sample a second.
+fn door(name: &str) -> Option<(Time, Vec<bool>)> {
+    let path = dataset(&format!("series/door/{name}.csv.gz"))?;
+    let file = std::fs::File::open(&path).expect("the door's data are there");
+    let mut text = String::new();
+    flate2::read::GzDecoder::new(file)
+        .read_to_string(&mut text)
+        .expect("gzip");
+    let rows: Vec<(i64, bool)> = text
+        .lines()
+        .skip(1)
+        .map(|line| {
+            let (time_s, open) = line.split_once(',').expect("two columns");
+            (time_s.parse().expect("seconds"), open.trim() == "1")
+        })
+        .collect();
+    assert!(rows.windows(2).all(|w| w[1].0 == w[0].0 + 1), "uniform");
+    let start = Time::from_s(rows[0].0);
+    Some((start, rows.into_iter().map(|row| row.1).collect()))
+}
+
+#[test]
+fn door_reproduces_the_paper_by_transform_and_by_sums() {
+    let (Some((start, week)), Some(day7), Some(day8)) = (door("week"), door("day7"), door("day8"))
+    else {
+        return;
+    };
+    let changes = week.windows(2).filter(|w| w[0] != w[1]).count();
+    println!("door: {} samples, {changes} changes", week.len());
+    let mut sums = SpectralSums::new(harmonic(Period::WEEK, 500));
+    for (i, &state) in week.iter().enumerate() {
+        sums.add(start.plus_us(i as i64 * SECOND), state)
+            .expect("fits");
+    }
+    let error = |p: &dyn Fn(Time) -> f64, start: Time, states: &[bool]| {
+        let wrong = states
+            .iter()
+            .enumerate()
+            .filter(|&(i, &state)| (p(start.plus_us(i as i64 * SECOND)) >= 0.5) != state);
+        100.0 * wrong.count() as f64 / states.len() as f64
+    };
+    for (order, expected) in [
+        (0, [25.8, 35.8, 26.7]),
+        (1, [20.1, 11.6, 10.6]),
+        (2, [13.3, 3.2, 4.7]),
+        (3, [11.3, 11.1, 9.5]),
+        (5, [8.5, 7.2, 18.6]),
+    ] {
+        let model = UniformSpectrum::build(start, second(), &week, order).expect("fits");
+        let by_transform = [
+            100.0 * model.estimation_error(0..week.len() as u64),
+            100.0 * model.state_error(day7.0, &day7.1),
+            100.0 * model.state_error(day8.0, &day8.1),
+        ];
+        let rhythms = sums.rhythms(order);
+        let by_sums = [(start, &week), (day7.0, &day7.1), (day8.0, &day8.1)]
+            .map(|(start, states)| error(&|time| rhythms.p(time), start, states));
+        println!(
+            "door: order {order}: transform {by_transform:.1?}, sums {by_sums:.1?}, paper {expected:?}, \
+             {} transitions, lossless 1:{:.0} ({} bytes), lossy 1:{:.0} ({} bytes)",
+            model.outliers().limits().len(),
+            model.compression_ratio(Encoding::Lossless),
+            model.to_bytes(Encoding::Lossless).len(),
+            model.compression_ratio(Encoding::Lossy),
+            model.to_bytes(Encoding::Lossy).len(),
+        );
+        for found in [by_transform, by_sums] {
+            for (found, expected) in found.into_iter().zip(expected) {
+                assert!(
+                    (found - expected).abs() <= 0.3,
+                    "order {order}: {found} {expected}"
+                );
+            }
+        }
+        let states = model.reconstruct(0..week.len() as u64);
+        assert!(states.iter().zip(&week).all(|(a, b)| *a == Some(*b)));
+        assert!((330..=380).contains(&model.outliers().limits().len()));
+    }
+}
+
+#[test]
+fn door_is_compressed_as_the_paper_says() {
+    let Some((start, week)) = door("week") else {
+        return;
+    };
+    let build = |order| UniformSpectrum::build(start, second(), &week, order).expect("fits");
+    assert!(build(2).compression_ratio(Encoding::Lossless) >= 140.0);
+    for (order, ratio, wrong) in [(5, 1_500.0, 0.09), (15, 500.0, 0.05)] {
+        let model = build(order);
+        let lossy = UniformSpectrum::from_bytes(&model.to_bytes(Encoding::Lossy)).expect("own");
+        let error = lossy.state_error(start, &week);
+        println!(
+            "door: order {order}: lossy 1:{:.0}, {:.1} % wrong",
+            model.compression_ratio(Encoding::Lossy),
+            100.0 * error
+        );
+        assert!(model.compression_ratio(Encoding::Lossy) >= ratio);
+        assert!(error < wrong);
+    }
+}
+
+#[test]
+fn door_anomalies_are_rare_and_at_night() {
+    let (Some((start, week)), Some((start8, day8))) = (door("week"), door("day8")) else {
+        return;
+    };
+    let model = UniformSpectrum::build(start, second(), &week, 2).expect("fits");
+    for (name, start, states) in [("week", start, &week), ("day8", start8, &day8)] {
+        let anomalies: Vec<_> = (0..states.len())
+            .filter(|&i| model.is_anomaly(start.plus_us(i as i64 * SECOND), states[i], 0.99))
+            .collect();
+        println!(
+            "door: {name}: {} anomalous seconds of {}",
+            anomalies.len(),
+            states.len()
+        );
+        assert!(anomalies.len() * 20 < states.len());
+    }
+}

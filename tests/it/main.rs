@@ -2,6 +2,8 @@
 
 mod dataset;
 mod feature;
+#[cfg(feature = "opencv")]
+mod feature_opencv;
 mod map;
 mod matching;
 mod spectrum;

@@ -452,6 +452,7 @@ fn one_thread_commits_while_others_read() {
                 born: 30,
                 seen: vec![true, false],
                 hidden: None,
+                located_by: vec![true, false],
                 kept: true,
             };
             take(&mut snapshot, number, &step);

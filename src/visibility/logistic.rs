@@ -69,8 +69,8 @@ pub(super) fn fit(evidence: &Evidence<'_>, shared: &SharedRhythms<'_>) -> Result
     let mean = (total(&counts.seen) + 0.5) / (total(&counts.observed) + 1.0);
     let mut prior = Prior {
         mean: (mean / (1.0 - mean)).ln(),
-        variance: 4.0,
-        rhythm_variance: 4.0,
+        variance: 25.0,
+        rhythm_variance: 25.0,
     };
     let mut observations = Vec::with_capacity(evidence.visits.len());
     let step = num_features.div_ceil(MAX_VOTERS).max(1);

@@ -171,12 +171,7 @@ impl Localizer {
         self.predict(scratch, node, model.as_ref(), time, Selection::Top(top));
         let (ranked, live) = (scratch.ranked.view(), query.features.view());
         let alone = (self.cfg.matching().to_builder().unique(false)).build()?;
-        Matcher::new(alone).matches_into(
-            &mut scratch.matching,
-            ranked,
-            live,
-            &mut scratch.matches,
-        );
+        Matcher::new(alone).matches_into(&mut scratch.matching, ranked, live, &mut scratch.matches);
         let window = crate::matching::Window::REFERENCE;
         let found = (scratch.matches.iter()).filter(|found| {
             window.contains(

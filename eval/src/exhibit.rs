@@ -5,6 +5,8 @@
 //! mistakes of the whole suite beside the places they were mixed up with. Pictures only show what was
 //! counted elsewhere.
 
+use std::fmt::Write as _;
+
 use anyhow::Result;
 use chronotope::Time;
 use chronotope::dataset::{Clock, Dataset, Entry};
@@ -181,12 +183,13 @@ fn feature_picture(
                 });
             }
         }
-        title.push_str(&format!(
+        let _ = write!(
+            title,
             ": {} of {} predicted features found where they belong ({})",
             first.num_inliers,
             first.predicted.len(),
             found.reason
-        ));
+        );
     }
     Ok(FeaturePicture {
         image: asked.source.load()?,

@@ -38,9 +38,9 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Vec<(SuiteResults, Pic
             num_query,
         } => {
             let plan = Worlds {
-                num_seeds: *num_seeds,
-                num_learn: *num_learn,
-                num_query: *num_query,
+                seeds: *num_seeds,
+                learn: *num_learn,
+                query: *num_query,
             };
             let (mut main, main_pictures) = plan.run(suite, true)?;
             let (mut control, control_pictures) = plan.run(suite, false)?;
@@ -99,10 +99,11 @@ fn run_images(suite: &Suite, options: &RunOptions) -> Result<(SuiteResults, Pict
     Ok((results, pictures))
 }
 
+/// The worlds of a synthetic suite: seeds `1..=seeds`, rounds to learn and to ask about.
 struct Worlds {
-    num_seeds: u64,
-    num_learn: usize,
-    num_query: usize,
+    seeds: u64,
+    learn: usize,
+    query: usize,
 }
 
 impl Worlds {
@@ -118,10 +119,10 @@ impl Worlds {
         let mut digest = String::new();
         // The first world, whose images the report shows.
         let mut shown = None;
-        let bar = progress(self.num_seeds as usize, name);
-        for seed in 1..=self.num_seeds {
+        let bar = progress(self.seeds as usize, name);
+        for seed in 1..=self.seeds {
             let world = World::new(&WorldConfig::new(seed).rhythms(rhythms))?;
-            let schedule = Schedule::standard(seed, self.num_learn, self.num_query);
+            let schedule = Schedule::standard(seed, self.learn, self.query);
             let all: Vec<_> = [&schedule.learn[..], &schedule.query[..]].concat();
             let dataset = world.dataset(name, &all);
             digest.push_str(&dataset.sha256());
@@ -140,7 +141,7 @@ impl Worlds {
         results.dataset_sha256 = sha256(digest.as_bytes());
         results.split = format!(
             "{} worlds (seeds 1 to {}): {} rounds in 2023 learnt, {} rounds in 2024 asked for",
-            self.num_seeds, self.num_seeds, self.num_learn, self.num_query
+            self.seeds, self.seeds, self.learn, self.query
         );
         let pictures = match (exhibit, &shown) {
             (Some(exhibit), Some(material)) => {
@@ -243,7 +244,14 @@ fn commit() -> String {
 
 fn sha256(bytes: &[u8]) -> String {
     use sha2::{Digest, Sha256};
-    (Sha256::digest(bytes).iter())
-        .map(|byte| format!("{byte:02x}"))
-        .collect()
+    hex(&Sha256::digest(bytes))
+}
+
+/// Bytes in hexadecimal.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    use std::fmt::Write as _;
+    bytes.iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
 }

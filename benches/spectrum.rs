@@ -17,14 +17,23 @@ use chronotope::visibility::{
 };
 use chronotope::{Period, Time};
 
+/// Seconds that this process has spent on a processor, where the system tells; else on the clock.
+fn now_s(started: Instant) -> f64 {
+    std::fs::read_to_string("/proc/self/schedstat")
+        .ok()
+        .and_then(|text| text.split(' ').next()?.parse::<f64>().ok())
+        .map_or_else(|| started.elapsed().as_secs_f64(), |ns| ns * 1e-9)
+}
+
 /// The best of some runs, in seconds: the machine's noise only ever adds.
 fn best_s<R>(runs: usize, mut run: impl FnMut() -> R) -> (f64, R) {
     let mut best = f64::INFINITY;
     let mut result = None;
+    let started = Instant::now();
     for _ in 0..runs {
-        let start = Instant::now();
+        let start_s = now_s(started);
         result = Some(black_box(run()));
-        best = best.min(start.elapsed().as_secs_f64());
+        best = best.min(now_s(started) - start_s);
     }
     (best, result.expect("at least one run"))
 }

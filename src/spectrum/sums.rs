@@ -28,6 +28,7 @@ const TILE: usize = 16;
 pub const P_UNKNOWN: f64 = 0.5;
 
 /// Rounds a number of at most 2^10 to a multiple of 2^-40.
+#[inline]
 fn to_fixed(value: f64) -> i64 {
     // Adding 1.5 * 2^52 leaves the rounded integer in the low bits.
     const MAGIC: f64 = 6_755_399_441_055_744.0;
@@ -35,6 +36,7 @@ fn to_fixed(value: f64) -> i64 {
 }
 
 /// The real number that a sum stands for.
+#[inline]
 pub(crate) fn from_fixed(sum: i64) -> f64 {
     sum as f64 / ONE
 }
@@ -95,9 +97,13 @@ impl PhasorTable {
             let rows = &self.tiles[tile * self.num_times..(tile + 1) * self.num_times];
             let columns = first..(first + TILE).min(self.width);
             for (indices, out) in lists.iter().zip(out.chunks_exact_mut(self.width)) {
-                let mut sum = [0; TILE];
+                // Fixed lengths keep the sums in registers.
+                let mut sum = [0_i64; TILE];
                 for &i in *indices {
-                    add(&mut sum, &rows[i as usize]);
+                    let row = &rows[i as usize];
+                    for (sum, term) in sum.iter_mut().zip(row) {
+                        *sum = sum.wrapping_add(*term);
+                    }
                 }
                 out[columns.clone()].copy_from_slice(&sum[..columns.len()]);
             }
@@ -124,6 +130,7 @@ impl PhasorTable {
     }
 }
 
+#[inline]
 fn add(sums: &mut [i64], terms: &[i64]) {
     for (sum, term) in sums.iter_mut().zip(terms) {
         *sum = sum.wrapping_add(*term);

@@ -18,18 +18,14 @@ use chronotope::Time;
 use chronotope::dataset::{Clock, Dataset, Manifest, Side};
 use chronotope::feature::Features;
 use chronotope::learn::{KeepAppearances, LearnConfig, Learner, Observation};
-use chronotope::localize::{
-    Localization, Localizer, Method, Preset, Query, Score, Scratch, Sweep,
-};
+use chronotope::localize::{Localization, Localizer, Method, Preset, Query, Score, Scratch, Sweep};
 use chronotope::map::{MapMeta, NodeId, SessionId, Snapshot, derived_uuid};
 use chronotope::predict::Selection;
 use rayon::prelude::*;
 
 use crate::material::Material;
 use crate::metrics::{self, Sample};
-use crate::results::{
-    self, Answer, LeakCheck, Reobservation, SuiteResults,
-};
+use crate::results::{self, Answer, LeakCheck, Reobservation, SuiteResults};
 use crate::suite::{Arm, Protocol, Run, Suite};
 
 /// Re-observation is judged on so many of the most likely features (T-RO 2017, table I).
@@ -194,9 +190,14 @@ impl<'s> Tallies<'s> {
         self.num_checked += material.extracted.len() as u32;
         self.num_broken += material.dataset.problems.len();
         self.num_places = self.num_places.max(material.dataset.places().len());
-        self.extraction_ms.extend_from_slice(&material.extraction_ms);
-        let folds: Vec<Fold> = folds.iter().map(|fold| self.without_twins(material, fold)).collect();
-        self.num_learnt.extend(folds.iter().map(|fold| fold.learn.len()));
+        self.extraction_ms
+            .extend_from_slice(&material.extraction_ms);
+        let folds: Vec<Fold> = folds
+            .iter()
+            .map(|fold| self.without_twins(material, fold))
+            .collect();
+        self.num_learnt
+            .extend(folds.iter().map(|fold| fold.learn.len()));
         let mut first_variant = 0;
         for arm in &self.suite.arms {
             let said: Vec<Vec<(usize, Vec<Said>)>> = folds
@@ -225,8 +226,9 @@ impl<'s> Tallies<'s> {
 
     /// The fold without learning images that show the same pixels as one of its queries.
     fn without_twins(&self, material: &Material, fold: &Fold) -> Fold {
-        let asked: HashSet<&[u8; 32]> =
-            (fold.query.iter()).map(|&i| &material.extracted[i].digest).collect();
+        let asked: HashSet<&[u8; 32]> = (fold.query.iter())
+            .map(|&i| &material.extracted[i].digest)
+            .collect();
         let learn: Vec<usize> = (fold.learn.iter().copied())
             .filter(|&i| !asked.contains(&material.extracted[i].digest))
             .collect();
@@ -262,7 +264,9 @@ impl<'s> Tallies<'s> {
                     };
                     let truth = snapshot.find(&material.dataset.entries[entry].place);
                     let said = (contestants.iter())
-                        .map(|contestant| ask(&contestant.localizer, arm, &query, truth, scratch, sweep))
+                        .map(|contestant| {
+                            ask(&contestant.localizer, arm, &query, truth, scratch, sweep)
+                        })
                         .collect::<Result<_>>()?;
                     Ok((entry, said))
                 },
@@ -352,7 +356,10 @@ impl<'s> Tallies<'s> {
         let mut scratch = Scratch::default();
         let mut sweep = Sweep::new(&self.suite.sizes)?;
         let mut out = Localization::default();
-        for (index, contestant) in contestants(&snapshot, arm, self.has_clock)?.into_iter().enumerate() {
+        for (index, contestant) in contestants(&snapshot, arm, self.has_clock)?
+            .into_iter()
+            .enumerate()
+        {
             let mut localizer = contestant.localizer;
             for &entry in fold.query.iter().step_by(step) {
                 let live = live(material, entry, num_live);
@@ -449,7 +456,9 @@ fn reobservation(variant: &VariantTally) -> Option<Reobservation> {
     let values = variant.reobserved.iter();
     let sample = Sample::grouped(values.map(|(group, share)| (group.as_deref(), *share)));
     let percent = sample.rate().scaled(100.0);
-    let name = variant.run.variant(variant.preset, variant.run.localizer.score());
+    let name = variant
+        .run
+        .variant(variant.preset, variant.run.localizer.score());
     Some(Reobservation {
         preset: name.preset,
         method: name.method,
@@ -482,7 +491,11 @@ fn times(dataset: &Dataset, arm: &Arm) -> Result<Vec<Time>> {
 
 /// Learns the map of one fold.
 pub fn learn(material: &Material, fold: &Fold, arm: &Arm, times: &[Time]) -> Result<Arc<Snapshot>> {
-    let meta = MapMeta::new(derived_uuid(&material.dataset.name), "evaluation", arm.preset.name());
+    let meta = MapMeta::new(
+        derived_uuid(&material.dataset.name),
+        "evaluation",
+        arm.preset.name(),
+    );
     let cfg = LearnConfig::preset(arm.preset).with_keep_appearances(KeepAppearances::All);
     let mut learner = Learner::new(cfg, meta);
     for &index in &fold.learn {
@@ -520,9 +533,8 @@ fn ask(
     localizer.sweep(scratch, query, sweep)?;
     let nodes = &localizer.snapshot().nodes;
     let answer = |score: Score, size: usize| {
-        let scored = || {
-            (0..nodes.len()).map(|node| sweep.tally(NodeId(node as u32), size).of(score))
-        };
+        let scored =
+            || (0..nodes.len()).map(|node| sweep.tally(NodeId(node as u32), size).of(score));
         let best = scored().max().unwrap_or(0);
         if best == 0 {
             return Answer {
@@ -549,7 +561,11 @@ fn ask(
         }
     };
     let answers = (arm.scores.iter())
-        .map(|&score| (0..sweep.sizes().len()).map(|size| answer(score, size)).collect())
+        .map(|&score| {
+            (0..sweep.sizes().len())
+                .map(|size| answer(score, size))
+                .collect()
+        })
         .collect();
     let pairs_compared = sweep.pairs_compared().to_vec();
     let reobserved = match truth {

@@ -13,11 +13,14 @@ use clap::{Parser, Subcommand};
 
 /// Measures how well Chronotope's methods localise, on real and synthetic images.
 #[derive(Parser)]
-#[command(version, after_help = "Examples:
+#[command(
+    version,
+    after_help = "Examples:
   chronotope-eval list
   chronotope-eval run synthetic --out target/demo
   chronotope-eval run stromovka-loo --data ~/datasets --out target/eval
-  chronotope-eval compare old/lasvegas.json target/eval/lasvegas.json")]
+  chronotope-eval compare old/lasvegas.json target/eval/lasvegas.json"
+)]
 struct Args {
     #[command(subcommand)]
     command: Command,

@@ -69,7 +69,10 @@ impl Material {
         let mut extracted = Vec::with_capacity(results.len());
         let mut extraction_ms = Vec::with_capacity(results.len());
         let mut entries = Vec::with_capacity(results.len());
-        for (entry, (result, ms)) in std::mem::take(&mut dataset.entries).into_iter().zip(results) {
+        for (entry, (result, ms)) in std::mem::take(&mut dataset.entries)
+            .into_iter()
+            .zip(results)
+        {
             match result {
                 Ok(image) => {
                     entries.push(entry);

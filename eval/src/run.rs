@@ -43,12 +43,15 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Vec<SuiteResults>> {
             let mut main = plan.run(suite, true)?;
             let mut control = plan.run(suite, false)?;
             control.suite = format!("{}-control", suite.name);
-            main.notes.extend(against_static(&main, "FreMEn against static"));
+            main.notes
+                .extend(against_static(&main, "FreMEn against static"));
             main.notes.extend(against_static(
                 &control,
                 "The same in the control world, in which nothing depends on time",
             ));
-            control.notes.extend(against_static(&control, "FreMEn against static"));
+            control
+                .notes
+                .extend(against_static(&control, "FreMEn against static"));
             vec![main, control]
         }
         _ => vec![run_images(suite, options)?],
@@ -83,7 +86,9 @@ fn run_images(suite: &Suite, options: &RunOptions) -> Result<SuiteResults> {
     tallies.add(&material, &folds, None, &|| bar.inc(1))?;
     bar.finish_and_clear();
     tallies.finish(&mut results);
-    results.notes.extend(material.dataset.problems.iter().map(ToString::to_string));
+    results
+        .notes
+        .extend(material.dataset.problems.iter().map(ToString::to_string));
     Ok(results)
 }
 
@@ -95,7 +100,11 @@ struct Worlds {
 
 impl Worlds {
     fn run(&self, suite: &Suite, rhythms: bool) -> Result<SuiteResults> {
-        let name = if rhythms { "synthetic" } else { "synthetic-control" };
+        let name = if rhythms {
+            "synthetic"
+        } else {
+            "synthetic-control"
+        };
         let mut results = SuiteResults::new(&suite.name, name);
         let extractor = extractor()?;
         let mut tallies = Tallies::new(suite);
@@ -174,7 +183,9 @@ fn extractor() -> Result<StarBrief> {
 fn progress(len: usize, what: &'static str) -> ProgressBar {
     let style = ProgressStyle::with_template("{msg:>12} {bar:40} {pos}/{len} {eta} left")
         .unwrap_or_else(|_| ProgressStyle::default_bar());
-    ProgressBar::new(len as u64).with_style(style).with_message(what)
+    ProgressBar::new(len as u64)
+        .with_style(style)
+        .with_message(what)
 }
 
 /// Processor, kernel and threads.
@@ -210,5 +221,7 @@ fn commit() -> String {
 
 fn sha256(bytes: &[u8]) -> String {
     use sha2::{Digest, Sha256};
-    (Sha256::digest(bytes).iter()).map(|byte| format!("{byte:02x}")).collect()
+    (Sha256::digest(bytes).iter())
+        .map(|byte| format!("{byte:02x}"))
+        .collect()
 }

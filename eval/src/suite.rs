@@ -15,8 +15,14 @@ use crate::results::{Order, Variant};
 const SIZES: [usize; 13] = [5, 10, 15, 20, 25, 30, 40, 50, 75, 100, 150, 200, 300];
 
 const BUILTIN: &[(&str, &str)] = &[
-    ("stromovka-loo", include_str!("../suites/stromovka-loo.toml")),
-    ("stromovka-split", include_str!("../suites/stromovka-split.toml")),
+    (
+        "stromovka-loo",
+        include_str!("../suites/stromovka-loo.toml"),
+    ),
+    (
+        "stromovka-split",
+        include_str!("../suites/stromovka-split.toml"),
+    ),
     ("michigan-loo", include_str!("../suites/michigan-loo.toml")),
     ("lasvegas", include_str!("../suites/lasvegas.toml")),
     ("tilde", include_str!("../suites/tilde.toml")),
@@ -139,11 +145,10 @@ impl Suite {
     pub fn find(name: &str) -> Result<Self> {
         match BUILTIN.iter().find(|(known, _)| *known == name) {
             Some((name, text)) => Self::parse(name, text),
-            None => Err(Error::new(
-                ErrorKind::Config,
-                format!("there is no suite `{name}`"),
-            )
-            .with_help("`chronotope-eval list` shows all")),
+            None => Err(
+                Error::new(ErrorKind::Config, format!("there is no suite `{name}`"))
+                    .with_help("`chronotope-eval list` shows all"),
+            ),
         }
     }
 
@@ -190,7 +195,11 @@ impl Arm {
                         let orders = model.orders.iter();
                         orders.map(move |&order| (model, order))
                     });
-                    let wanted = if method == Method::Freex { 1 } else { usize::MAX };
+                    let wanted = if method == Method::Freex {
+                        1
+                    } else {
+                        usize::MAX
+                    };
                     runs.extend(all.take(wanted).map(|(model, order)| Run {
                         localizer: base.clone().with_visibility(model.visibility(&base, order)),
                         model: model.name.clone(),

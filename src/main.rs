@@ -1,3 +1,5 @@
 //! The command `chronotope`; see `chronotope --help`.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    chronotope::cli::run()
+}

@@ -1,0 +1,1189 @@
+//! The command as its users run it: real processes, files and signals.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use chronotope::dataset::synthetic::{World, WorldConfig};
+use chronotope::map::{Map, MapMeta};
+use chronotope::{Period, Time};
+use serde_json::Value;
+use tempfile::TempDir;
+
+const NUM_PLACES: usize = 4;
+const NUM_VISITS: i64 = 6;
+/// After the last visit, at an hour and a season that were visited.
+const QUERY_TIME: &str = "2023-11-15T12:00:00Z";
+
+fn world() -> &'static World {
+    static WORLD: OnceLock<World> = OnceLock::new();
+    WORLD.get_or_init(|| {
+        let cfg = WorldConfig::new(11)
+            .num_places(NUM_PLACES)
+            .image_size(320, 240);
+        World::new(&cfg).expect("a valid configuration")
+    })
+}
+
+fn png(place: usize, time: Time, seed: u64) -> Vec<u8> {
+    let picture = world().render(place, time, seed);
+    let (width, height) = (picture.width() as u32, picture.height() as u32);
+    let picture = image::GrayImage::from_raw(width, height, picture.data().to_vec());
+    encoded(&picture.expect("width x height bytes"))
+}
+
+fn encoded(picture: &image::GrayImage) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut cursor = std::io::Cursor::new(&mut bytes);
+    picture
+        .write_to(&mut cursor, image::ImageFormat::Png)
+        .expect("memory");
+    bytes
+}
+
+fn query_time() -> Time {
+    Time::parse(QUERY_TIME).expect("valid")
+}
+
+/// (place, time, file name, PNG) of every learnt image.
+fn images() -> &'static [(usize, Time, String, Vec<u8>)] {
+    static IMAGES: OnceLock<Vec<(usize, Time, String, Vec<u8>)>> = OnceLock::new();
+    IMAGES.get_or_init(|| {
+        let start = Time::parse("2023-05-15T12:00:00Z").expect("valid");
+        (0..NUM_VISITS)
+            .flat_map(|visit| (0..NUM_PLACES).map(move |place| (visit, place)))
+            .map(|(visit, place)| {
+                let time = start.plus_us(visit * 30 * Period::DAY.as_us());
+                let name = format!("images/{visit}{place}.png");
+                (place, time, name, png(place, time, 0))
+            })
+            .collect()
+    })
+}
+
+/// A folder with the dataset `data/` of four places with six visits each.
+struct Fixture {
+    dir: TempDir,
+}
+
+impl Fixture {
+    fn new() -> Self {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let fixture = Self { dir };
+        fs::create_dir_all(fixture.path("data/images")).expect("writable");
+        let mut index = String::from("place,time,path\n");
+        for (place, time, name, bytes) in images() {
+            index += &format!("place-{place:02},{time},{name}\n");
+            fs::write(fixture.path("data").join(name), bytes).expect("writable");
+        }
+        fixture.write("data/index.csv", index);
+        fixture.write(
+            "data/edges.csv",
+            "from,to,name\nplace-00,place-01,street\nplace-01,place-00,\n",
+        );
+        fixture.write("data/poses.csv", "place,x,y,z\nplace-02,1.5,-2,0\n");
+        fixture
+    }
+
+    /// Also with the map `street.map` of it, which keeps all appearances.
+    fn with_map() -> Self {
+        static MAP: OnceLock<Vec<u8>> = OnceLock::new();
+        let fixture = Self::new();
+        let bytes = MAP.get_or_init(|| {
+            let built = fixture.run(&[
+                "map",
+                "build",
+                "--data",
+                "data",
+                "--out",
+                "built.map",
+                "--keep-appearances",
+                "all",
+            ]);
+            assert_eq!(built.code, 0, "{built:?}");
+            fs::read(fixture.path("built.map")).expect("built")
+        });
+        fixture.write("street.map", bytes);
+        for place in 0..NUM_PLACES {
+            fixture.write(format!("query{place}.png"), png(place, query_time(), 9));
+        }
+        fixture
+    }
+
+    fn path(&self, name: impl AsRef<Path>) -> PathBuf {
+        self.dir.path().join(name)
+    }
+
+    fn write(&self, name: impl AsRef<Path>, bytes: impl AsRef<[u8]>) {
+        fs::write(self.path(name), bytes).expect("writable");
+    }
+
+    fn index(&self) -> String {
+        fs::read_to_string(self.path("data/index.csv")).expect("written")
+    }
+
+    fn command(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_chronotope"));
+        command
+            .current_dir(self.dir.path())
+            .env_remove("CHRONOTOPE_KERNEL")
+            .args(args);
+        command
+    }
+
+    fn run(&self, args: &[&str]) -> Ran {
+        Ran::from(self.command(args).output().expect("the command starts"))
+    }
+
+    /// Runs what must fail with exit code 2 and these words on stderr.
+    fn fails(&self, args: &[&str], words: &[&str]) {
+        let ran = self.run(args);
+        assert_eq!(ran.code, 2, "{args:?}: {ran:?}");
+        for word in words {
+            assert!(
+                ran.stderr.contains(word),
+                "{args:?}: no `{word}` in {ran:?}"
+            );
+        }
+        assert!(!ran.stderr.contains("panicked"), "{args:?}: {ran:?}");
+    }
+}
+
+#[derive(Debug)]
+struct Ran {
+    code: i32,
+    stdout: String,
+    stderr: String,
+}
+
+impl From<Output> for Ran {
+    fn from(output: Output) -> Self {
+        Self {
+            code: output.status.code().unwrap_or(-1),
+            stdout: String::from_utf8(output.stdout).expect("text"),
+            stderr: String::from_utf8(output.stderr).expect("text"),
+        }
+    }
+}
+
+impl Ran {
+    fn lines(&self) -> Vec<Value> {
+        let parse = |line| serde_json::from_str(line).expect("a line of JSON");
+        self.stdout.lines().map(parse).collect()
+    }
+}
+
+#[test]
+fn a_map_is_built_and_says_what_it_holds() {
+    let fixture = Fixture::new();
+    let built = fixture.run(&["map", "build", "--data", "data", "--out", "street.map"]);
+    assert_eq!((built.code, built.stderr.as_str()), (0, ""), "{built:?}");
+    assert!(
+        built.stdout.contains("4 places, 24 visits (24 learnt now)"),
+        "{built:?}"
+    );
+    assert!(!fixture.path("street.map.part").exists());
+
+    let shown = fixture.run(&["map", "inspect", "street.map"]);
+    assert_eq!(shown.code, 0, "{shown:?}");
+    for words in [
+        "places       4",
+        "320 x 240 px",
+        "place-02: 6 visits",
+        "at (1.5, -2, 0) m",
+    ] {
+        assert!(shown.stdout.contains(words), "no `{words}` in {shown:?}");
+    }
+    let shown = &fixture
+        .run(&["map", "inspect", "street.map", "--json"])
+        .lines()[0];
+    assert_eq!(shown["num_visits"], 24);
+    assert_eq!(shown["preset"], "default");
+    assert_eq!(shown["edges"][0]["name"], "street");
+    assert_eq!(shown["first"], "2023-05-15T12:00:00Z");
+    assert!(
+        shown["extractor"]
+            .as_str()
+            .is_some_and(|id| id.starts_with("star-brief:"))
+    );
+
+    let verified = fixture.run(&["map", "verify", "street.map", "--json"]);
+    assert_eq!(verified.code, 0, "{verified:?}");
+    assert_eq!(verified.lines()[0]["clean"], true);
+    assert_eq!(verified.lines()[0]["digest"], shown["digest"]);
+}
+
+#[test]
+fn the_same_images_give_the_same_map() {
+    let fixture = Fixture::new();
+    for map in ["a.map", "b.map"] {
+        let mut command = fixture.command(&["map", "build", "--data", "data", "--out", map]);
+        let threads = if map == "a.map" { "1" } else { "3" };
+        let built = command.env("RAYON_NUM_THREADS", threads).output();
+        assert!(built.expect("the command starts").status.success());
+    }
+    let digest = |map| fixture.run(&["map", "inspect", map, "--json"]).lines()[0]["digest"].clone();
+    assert_eq!(digest("a.map"), digest("b.map"));
+}
+
+#[test]
+fn images_are_located_at_their_places() {
+    let fixture = Fixture::with_map();
+    let all = ["query0.png", "query1.png", "query2.png", "query3.png"];
+    for method in ["static", "fremen", "experience", "experience-all"] {
+        let mut args = vec!["localize", "street.map", "--json", "--method", method];
+        args.extend(["--time", QUERY_TIME]);
+        args.extend(all);
+        let ran = fixture.run(&args);
+        assert_eq!(
+            (ran.code, ran.stderr.as_str()),
+            (0, ""),
+            "{method}: {ran:?}"
+        );
+        for (place, line) in ran.lines().iter().enumerate() {
+            assert_eq!(line["image"], format!("query{place}.png"));
+            assert_eq!(line["decision"], "at", "{method}: {line}");
+            assert_eq!(line["place"], format!("place-{place:02}"), "{method}");
+            assert_eq!(line["best"]["place"], line["place"]);
+            assert!(line["displacement_px"].is_array());
+        }
+    }
+    let one = fixture.run(&["localize", "street.map", "query2.png", "--time", QUERY_TIME]);
+    assert_eq!(one.code, 0, "{one:?}");
+    for words in [
+        "decision      place-02",
+        "(given)",
+        "second",
+        "reason",
+        "displacement  (",
+    ] {
+        assert!(one.stdout.contains(words), "no `{words}` in {one:?}");
+    }
+    let several = fixture.run(&[
+        "localize",
+        "street.map",
+        "query2.png",
+        "query3.png",
+        "--method",
+        "static",
+    ]);
+    assert_eq!(several.code, 0, "{several:?}");
+    assert_eq!(several.stdout.lines().count(), 2);
+    // More than any place has: everything is matched.
+    let n = [
+        "localize",
+        "street.map",
+        "query1.png",
+        "--time",
+        QUERY_TIME,
+        "--n",
+        "100000",
+    ];
+    assert_eq!(fixture.run(&n).code, 0);
+}
+
+#[test]
+fn a_trace_is_complete_in_itself() {
+    let fixture = Fixture::with_map();
+    let query = [
+        "localize",
+        "street.map",
+        "query1.png",
+        "query2.png",
+        "--time",
+        QUERY_TIME,
+    ];
+    for method in ["fremen", "experience"] {
+        let mut args = query.to_vec();
+        args.extend(["--method", method, "--trace", "-"]);
+        let ran = fixture.run(&args);
+        assert_eq!(ran.code, 0, "{ran:?}");
+        assert!(ran.stderr.contains("query1.png  place-01"), "{ran:?}");
+        let lines = ran.lines();
+        assert_eq!(lines.len(), 2);
+        for line in &lines {
+            let length = |value: &Value| value.as_array().expect("an array").len();
+            let ranking = &line["localization"]["ranking"];
+            assert_eq!(length(ranking), NUM_PLACES);
+            assert_eq!(length(&line["places"]), NUM_PLACES);
+            for (candidate, predicted) in ranking
+                .as_array()
+                .expect("an array")
+                .iter()
+                .zip(line["predicted"].as_array().expect("an array"))
+            {
+                if method == "fremen" {
+                    assert_eq!(length(&candidate["predicted"]), length(predicted));
+                }
+                for found in candidate["matches"].as_array().expect("an array") {
+                    assert!(
+                        (found["rank"].as_u64().expect("a number") as usize) < length(predicted)
+                    );
+                    assert!(
+                        (found["live"].as_u64().expect("a number") as usize)
+                            < length(&line["live"])
+                    );
+                }
+            }
+            assert!(length(&line["localization"]["ranking"][0]["matches"]) > 0);
+        }
+    }
+    let mut args = query.to_vec();
+    args.extend(["--trace", "trace.jsonl", "--json"]);
+    assert_eq!(fixture.run(&args).lines().len(), 2);
+    let trace = fs::read_to_string(fixture.path("trace.jsonl")).expect("written");
+    assert_eq!(trace.lines().count(), 2);
+    args[query.len() + 1] = "-";
+    fixture.fails(&args, &["--json", "--trace -"]);
+}
+
+#[test]
+fn an_image_of_nowhere_is_unknown() {
+    let fixture = Fixture::with_map();
+    let grey = image::GrayImage::from_pixel(320, 240, image::Luma([90]));
+    fixture.write("grey.png", encoded(&grey));
+    let ran = fixture.run(&[
+        "localize",
+        "street.map",
+        "grey.png",
+        "query0.png",
+        "--time",
+        QUERY_TIME,
+        "--json",
+    ]);
+    assert_eq!(ran.code, 1, "{ran:?}");
+    assert_eq!(ran.lines()[0]["decision"], "unknown");
+    assert_eq!(ran.lines()[0]["place"], Value::Null);
+    assert_eq!(ran.lines()[1]["decision"], "at");
+}
+
+#[test]
+fn the_time_comes_from_option_index_exif_or_name() {
+    let fixture = Fixture::with_map();
+    let source = |args: &[&str]| {
+        let mut all = vec!["localize", "street.map", "--json"];
+        all.extend(args);
+        let ran = fixture.run(&all);
+        assert_ne!(ran.code, 2, "{ran:?}");
+        let line = &ran.lines()[0];
+        (line["time"].clone(), line["time_source"].clone())
+    };
+    let listed = "data/images/12.png";
+    assert_eq!(
+        source(&[listed]),
+        ("2023-06-14T12:00:00Z".into(), "index".into())
+    );
+    assert_eq!(
+        source(&[listed, "--time", QUERY_TIME]),
+        (QUERY_TIME.into(), "option".into())
+    );
+    assert_eq!(
+        source(&["query0.png", "--method", "static"]),
+        (Value::Null, Value::Null)
+    );
+
+    fixture.write(
+        "robot.toml",
+        "name = 'robot'\n[time]\nclock = 'real'\nfile_name = 'cam_{unix_s}'\n",
+    );
+    fs::copy(
+        fixture.path("query3.png"),
+        fixture.path("cam_1700000000.png"),
+    )
+    .expect("writable");
+    let named = source(&["cam_1700000000.png", "--manifest", "robot.toml"]);
+    assert_eq!(named, ("2023-11-14T22:13:20Z".into(), "file-name".into()));
+    let dated = with_exif(&png(0, query_time(), 9));
+    fixture.write("dated.png", dated);
+    assert_eq!(
+        source(&["dated.png"]),
+        ("2023-11-15T11:00:00Z".into(), "exif".into())
+    );
+
+    // Nothing says when: an error with a remedy, never a guess.
+    let untimed = ["localize", "street.map", "query0.png"];
+    fixture.fails(&untimed, &["query0.png", "when was it taken", "--time"]);
+    fixture.fails(
+        &[
+            "localize",
+            "street.map",
+            "query0.png",
+            "--manifest",
+            "robot.toml",
+        ],
+        &["query0.png", "does not fit the rule of `robot`"],
+    );
+    fixture.fails(
+        &[
+            "localize",
+            "street.map",
+            "query0.png",
+            "--manifest",
+            "nowhere",
+        ],
+        &["no supported dataset is called `nowhere`"],
+    );
+}
+
+/// A PNG with an eXIf chunk that says 2023-11-15 12:00:00 +01:00.
+fn with_exif(png: &[u8]) -> Vec<u8> {
+    // A little-endian TIFF: IFD0 with a pointer to the EXIF IFD, that with two texts.
+    let mut tiff = b"II*\0\x08\0\0\0".to_vec();
+    let entry = |tag: u16, kind: u16, count: u32, value: u32| {
+        let mut bytes = Vec::new();
+        bytes.extend(tag.to_le_bytes());
+        bytes.extend(kind.to_le_bytes());
+        bytes.extend(count.to_le_bytes());
+        bytes.extend(value.to_le_bytes());
+        bytes
+    };
+    tiff.extend(1_u16.to_le_bytes());
+    tiff.extend(entry(0x8769, 4, 1, 26));
+    tiff.extend(0_u32.to_le_bytes());
+    tiff.extend(2_u16.to_le_bytes());
+    tiff.extend(entry(0x9003, 2, 20, 56));
+    tiff.extend(entry(0x9011, 2, 7, 76));
+    tiff.extend(0_u32.to_le_bytes());
+    tiff.extend(b"2023:11:15 12:00:00\0+01:00\0");
+    let mut encoder = Vec::new();
+    let picture = image::load_from_memory(png).expect("a PNG");
+    {
+        use image::ImageEncoder;
+        let mut target = image::codecs::png::PngEncoder::new(&mut encoder);
+        target.set_exif_metadata(tiff).expect("PNG holds EXIF");
+        target
+            .write_image(
+                picture.as_bytes(),
+                picture.width(),
+                picture.height(),
+                picture.color().into(),
+            )
+            .expect("memory");
+    }
+    encoder
+}
+
+#[test]
+fn images_of_an_index_are_cut_as_it_says() {
+    let fixture = Fixture::with_map();
+    // A large picture with two queries side by side.
+    let half = |place| image::load_from_memory(&png(place, query_time(), 9)).expect("a PNG");
+    let mut wide = image::GrayImage::new(640, 240);
+    for (place, x) in [(1, 0), (3, 320)] {
+        image::imageops::replace(&mut wide, &half(place).to_luma8(), x, 0);
+    }
+    fs::create_dir(fixture.path("wide")).expect("writable");
+    fixture.write("wide/both.png", encoded(&wide));
+    let header = "place,time,path,crop_x,crop_y,crop_w,crop_h\n";
+    let row = |place: &str, x: u32| format!("{place},{QUERY_TIME},both.png,{x},0,320,240\n");
+    fixture.write(
+        "wide/index.csv",
+        format!("{header}{}{}", row("left", 0), row("right", 320)),
+    );
+    let ran = fixture.run(&["localize", "street.map", "wide/both.png", "--json"]);
+    assert_eq!(ran.code, 0, "{ran:?}");
+    let places: Vec<_> = ran
+        .lines()
+        .iter()
+        .map(|line| line["place"].clone())
+        .collect();
+    assert_eq!(places, ["place-01", "place-03"]);
+    assert_eq!(ran.lines()[1]["truth"], "right");
+
+    // Uncut it has another size than the map's images.
+    fixture.write("wide.png", encoded(&wide));
+    fixture.fails(
+        &["localize", "street.map", "wide.png", "--time", QUERY_TIME],
+        &["wide.png", "640 x 240", "320 x 240", "crop or scale"],
+    );
+    fixture.write("wide/index.csv", format!("{header}{}", row("right", 321)));
+    fixture.write("wide/other.png", encoded(&wide));
+    let other = format!(
+        "{header}{}x,{QUERY_TIME},other.png,,,,\n",
+        row("right", 321)
+    );
+    fixture.write("wide/index.csv", other);
+    fixture.fails(
+        &["localize", "street.map", "wide/both.png"],
+        &["both.png", "index.csv line 2", "crop"],
+    );
+}
+
+#[test]
+fn a_mask_hides_what_is_black() {
+    let fixture = Fixture::with_map();
+    let mask = |size: (u32, u32), level| {
+        encoded(&image::GrayImage::from_pixel(
+            size.0,
+            size.1,
+            image::Luma([level]),
+        ))
+    };
+    fixture.write("white.png", mask((320, 240), 255));
+    fixture.write("black.png", mask((320, 240), 0));
+    fixture.write("small.png", mask((32, 24), 255));
+    let mut args = vec![
+        "localize",
+        "street.map",
+        "query1.png",
+        "--time",
+        QUERY_TIME,
+        "--mask",
+        "white.png",
+    ];
+    assert_eq!(fixture.run(&args).code, 0);
+    args[6] = "black.png";
+    assert_eq!(fixture.run(&args).code, 1);
+    args[6] = "small.png";
+    fixture.fails(&args, &["query1.png", "32 x 24", "mask"]);
+    args[6] = "none.png";
+    fixture.fails(&args, &["none.png"]);
+}
+
+#[test]
+fn predictions_are_the_most_likely_features() {
+    let fixture = Fixture::with_map();
+    let ran = fixture.run(&[
+        "predict",
+        "street.map",
+        "--time",
+        QUERY_TIME,
+        "--n",
+        "5",
+        "--json",
+    ]);
+    assert_eq!((ran.code, ran.stderr.as_str()), (0, ""), "{ran:?}");
+    assert_eq!(ran.lines().len(), NUM_PLACES);
+    for line in ran.lines() {
+        let features = line["features"].as_array().expect("an array");
+        assert_eq!(features.len(), 5);
+        let p: Vec<f64> = features
+            .iter()
+            .map(|it| it["p"].as_f64().expect("a number"))
+            .collect();
+        assert!(
+            p.iter().all(|p| (0.0..=1.0).contains(p)) && p.is_sorted_by(|a, b| a >= b),
+            "{p:?}"
+        );
+    }
+    let all = [
+        "predict",
+        "street.map",
+        "--time",
+        QUERY_TIME,
+        "--node",
+        "place-03",
+        "--n",
+        "100000",
+    ];
+    let ran = fixture.run(&all);
+    assert_eq!(ran.code, 0, "{ran:?}");
+    assert!(
+        ran.stdout.starts_with("place-03 at 2023-11-15T12:00:00Z: "),
+        "{ran:?}"
+    );
+    let far = fixture.run(&[
+        "predict",
+        "street.map",
+        "--time",
+        "1999-01-01T00:00:00Z",
+        "--n",
+        "1",
+    ]);
+    assert_eq!(far.code, 0);
+    assert!(
+        far.stderr.contains("before the map's first visit"),
+        "{far:?}"
+    );
+    let far = fixture.run(&[
+        "predict",
+        "street.map",
+        "--time",
+        "2223-01-01T00:00:00Z",
+        "--n",
+        "1",
+    ]);
+    assert_eq!(far.code, 0);
+    assert!(far.stderr.contains("after the map's last visit"), "{far:?}");
+
+    let time = ["predict", "street.map", "--time"];
+    fixture.fails(
+        &[&time[..], &["yesterday"]].concat(),
+        &["yesterday", "RFC 3339"],
+    );
+    fixture.fails(
+        &[&time[..], &["2023-11-15T12:00:00"]].concat(),
+        &["RFC 3339 with an offset"],
+    );
+    fixture.fails(
+        &[&time[..], &[QUERY_TIME, "--node", "moon"]].concat(),
+        &["no place `moon`", "place-00"],
+    );
+    for n in ["0", "-1", "NaN"] {
+        fixture.fails(
+            &[&time[..], &[QUERY_TIME, &format!("--n={n}")]].concat(),
+            &[n],
+        );
+    }
+}
+
+#[test]
+fn a_printed_configuration_reads_back() {
+    let fixture = Fixture::new();
+    for preset in ["default", "lttl"] {
+        let print = [
+            "map",
+            "build",
+            "--print-config",
+            "--preset",
+            preset,
+            "--keep-appearances",
+            "none",
+        ];
+        let printed = fixture.run(&print);
+        assert_eq!(printed.code, 0, "{printed:?}");
+        assert!(
+            printed.stdout.contains("keep-appearances = \"none\""),
+            "{printed:?}"
+        );
+        fixture.write("numbers.toml", &printed.stdout);
+        for command in [&["map", "build"][..], &["localize"], &["predict"]] {
+            let args = [command, &["--config", "numbers.toml", "--print-config"]].concat();
+            let again = fixture.run(&args);
+            assert_eq!(again.stdout, printed.stdout, "{command:?}: {again:?}");
+        }
+    }
+    let changed = fixture.run(&[
+        "localize",
+        "--print-config",
+        "--method",
+        "static",
+        "--n",
+        "7",
+    ]);
+    assert!(
+        changed.stdout.contains("method = \"static\""),
+        "{changed:?}"
+    );
+    assert!(changed.stdout.contains("top = 7"), "{changed:?}");
+
+    for (text, words) in [
+        (
+            "[localize]\nmethods = 'static'",
+            &["bad.toml: line 2", "methods"][..],
+        ),
+        (
+            "[learn]\nfeatures-per-visit = -3",
+            &["bad.toml: line 2", "-3"],
+        ),
+        (
+            "[localize]\nselection = { threshold = nan }",
+            &["bad.toml: line 2", "[0, 1]"],
+        ),
+        ("nonsense", &["bad.toml: line 1"]),
+        ("[learnt]", &["bad.toml: line 1", "learnt"]),
+    ] {
+        fixture.write("bad.toml", text);
+        fixture.fails(
+            &["localize", "--print-config", "--config", "bad.toml"],
+            words,
+        );
+    }
+    fixture.fails(
+        &["localize", "--print-config", "--config", "none.toml"],
+        &["none.toml", "--print-config"],
+    );
+}
+
+#[test]
+fn a_configuration_changes_the_answer() {
+    let fixture = Fixture::with_map();
+    fixture.write("strict.toml", "[localize]\nmin-score = 100000\n");
+    let args = [
+        "localize",
+        "street.map",
+        "query0.png",
+        "--time",
+        QUERY_TIME,
+        "--config",
+        "strict.toml",
+    ];
+    let ran = fixture.run(&args);
+    assert_eq!(ran.code, 1, "{ran:?}");
+    assert!(
+        ran.stdout.contains("below the least score 100000"),
+        "{ran:?}"
+    );
+}
+
+#[test]
+fn broken_images_are_errors_that_name_them_and_others_are_answered() {
+    let fixture = Fixture::with_map();
+    let whole = png(0, query_time(), 9);
+    fixture.write("cut.png", &whole[..whole.len() / 2]);
+    fixture.write("empty.png", "");
+    fixture.write("text.png", "no image");
+    for (name, words) in [
+        ("cut.png", "truncated"),
+        ("empty.png", "the file is empty"),
+        ("text.png", "not an image"),
+        ("none.png", "No such file"),
+        ("data", "folder"),
+    ] {
+        let ran = fixture.run(&[
+            "localize",
+            "street.map",
+            name,
+            "query1.png",
+            "--time",
+            QUERY_TIME,
+        ]);
+        assert_eq!(ran.code, 2, "{ran:?}");
+        assert!(
+            ran.stderr.contains(name) && ran.stderr.contains(words),
+            "{words}: {ran:?}"
+        );
+        assert!(ran.stdout.contains("query1.png  place-01"), "{ran:?}");
+    }
+}
+
+#[test]
+fn what_is_no_map_is_refused() {
+    let fixture = Fixture::with_map();
+    let bytes = fs::read(fixture.path("street.map")).expect("built");
+    fixture.write("cut.map", &bytes[..bytes.len() / 2]);
+    fixture.write("text.map", "no map");
+    fixture.write("empty.map", "");
+    for map in ["cut.map", "text.map", "empty.map", "none.map", "data"] {
+        for command in [&["map", "inspect"][..], &["predict", "--time", QUERY_TIME]] {
+            fixture.fails(&[command, &[map]].concat(), &[map]);
+        }
+        fixture.fails(
+            &["localize", map, "query0.png", "--time", QUERY_TIME],
+            &[map],
+        );
+    }
+    let mut damaged = bytes.clone();
+    for byte in damaged
+        .iter_mut()
+        .skip(bytes.len() / 2)
+        .step_by(64)
+        .take(64)
+    {
+        *byte ^= 0x10;
+    }
+    fixture.write("damaged.map", damaged);
+    let verified = fixture.run(&["map", "verify", "damaged.map"]);
+    assert_eq!(verified.code, 1, "{verified:?}");
+    assert!(
+        verified.stdout.contains("damaged.map: damaged"),
+        "{verified:?}"
+    );
+
+    drop(
+        Map::create(
+            fixture.path("new.map"),
+            MapMeta::new(1, "star-brief", "default"),
+        )
+        .expect("writable"),
+    );
+    for command in [&["predict"][..], &["localize", "--method", "static"]] {
+        let rest: &[&str] = if command[0] == "predict" {
+            &["new.map", "--time", QUERY_TIME]
+        } else {
+            &["new.map", "query0.png"]
+        };
+        fixture.fails(
+            &[command, rest].concat(),
+            &["new.map", "the map has no places"],
+        );
+    }
+}
+
+#[test]
+fn problems_of_a_dataset_are_listed_and_the_rest_is_learnt() {
+    let fixture = Fixture::new();
+    let whole = &images()[0].3;
+    fixture.write("data/images/cut.png", &whole[..whole.len() / 2]);
+    fixture.write("data/images/empty.png", "");
+    let small = image::GrayImage::from_pixel(64, 48, image::Luma([7]));
+    fixture.write("data/images/small.png", encoded(&small));
+    let rows = [
+        ("place-00", "2024-01-01T00:00:00Z", "images/none.png"),
+        ("place-00", "2024-01-02T00:00:00Z", "images/empty.png"),
+        ("place-00", "2024-01-03T00:00:00Z", "images/cut.png"),
+        ("place-00", "2023-05-15T12:00:00Z", "images/01.png"),
+        ("place-00", "2024-01-04T00:00:00Z", "images/small.png"),
+    ];
+    let rows: Vec<_> = rows
+        .iter()
+        .map(|(place, time, path)| format!("{place},{time},{path}\n"))
+        .collect();
+    fixture.write("data/index.csv", fixture.index() + &rows.concat());
+    let built = fixture.run(&["map", "build", "--data", "data", "--out", "street.map"]);
+    assert_eq!(built.code, 0, "{built:?}");
+    assert!(built.stdout.contains("4 places, 24 visits"), "{built:?}");
+    for words in [
+        "none.png` does not exist",
+        "empty.png` is empty",
+        "cut.png",
+        "a second image of `place-00`",
+        "64 x 48",
+    ] {
+        assert!(built.stderr.contains(words), "no `{words}` in {built:?}");
+    }
+    assert!(built.stderr.contains("5 problems"), "{built:?}");
+
+    let checked = fixture.run(&["dataset", "check", "data"]);
+    assert_eq!(checked.code, 1, "{checked:?}");
+    assert!(checked.stdout.contains("problems  4"), "{checked:?}");
+    let checked = fixture.run(&["dataset", "check", "data", "--json"]);
+    assert_eq!(
+        checked.lines()[0]["problems"].as_array().map(Vec::len),
+        Some(4)
+    );
+
+    let clean = Fixture::new();
+    let checked = clean.run(&["dataset", "check", "data"]);
+    assert_eq!(
+        (checked.code, checked.stderr.as_str()),
+        (0, ""),
+        "{checked:?}"
+    );
+    assert!(
+        checked.stdout.contains("24 listed, 24 readable"),
+        "{checked:?}"
+    );
+}
+
+#[test]
+fn an_index_that_cannot_be_trusted_is_refused() {
+    let fixture = Fixture::new();
+    let good = fixture.index();
+    for (index, words) in [
+        (
+            good.replacen("2023-05-15T12:00:00Z", "yesterday", 1),
+            &["index.csv", "line 2", "yesterday"][..],
+        ),
+        (
+            good.replacen("place,time,path", "place,time,path,colour", 1),
+            &["index.csv", "colour"],
+        ),
+        ("place,time,path\n".into(), &["index.csv", "lists no image"]),
+    ] {
+        fixture.write("data/index.csv", index);
+        fixture.fails(
+            &["map", "build", "--data", "data", "--out", "street.map"],
+            words,
+        );
+        fixture.fails(&["dataset", "check", "data"], words);
+        assert!(!fixture.path("street.map").exists() && !fixture.path("street.map.part").exists());
+    }
+    fixture.fails(&["dataset", "check", "nowhere"], &["nowhere"]);
+    fixture.fails(
+        &["map", "build", "--data", "nowhere", "--out", "street.map"],
+        &["nowhere"],
+    );
+    fixture.fails(&["map", "build", "--out", "street.map"], &["--data"]);
+}
+
+#[test]
+fn a_finished_map_is_never_overwritten() {
+    let fixture = Fixture::with_map();
+    let before = fs::read(fixture.path("street.map")).expect("built");
+    let build = ["map", "build", "--data", "data", "--out", "street.map"];
+    fixture.fails(&build, &["street.map", "exists", "never overwritten"]);
+    assert_eq!(
+        fs::read(fixture.path("street.map")).expect("still there"),
+        before
+    );
+    fixture.fails(
+        &[
+            "map",
+            "build",
+            "--data",
+            "data",
+            "--out",
+            "no/such/street.map",
+        ],
+        &["create the folder first"],
+    );
+}
+
+/// An index of many visits that takes a while.
+fn long(fixture: &Fixture) -> usize {
+    let mut index = String::from("place,time,path\n");
+    let mut rows = 0;
+    for day in 0..40 {
+        for (place, time, name, _) in images() {
+            let time = time.plus_us(day * 60_000_000);
+            index += &format!("place-{place:02},{time},{name}\n");
+            rows += 1;
+        }
+    }
+    fixture.write("data/index.csv", index);
+    rows
+}
+
+fn interrupt(process: &std::process::Child) {
+    let sent = Command::new("kill")
+        .args(["-INT", &process.id().to_string()])
+        .status();
+    assert!(sent.expect("kill is there").success());
+}
+
+#[test]
+fn an_interrupted_build_goes_on_where_it_stopped() {
+    let fixture = Fixture::new();
+    let num_visits = long(&fixture);
+    let build = ["map", "build", "--data", "data", "--out", "street.map"];
+    let child = fixture
+        .command(&build)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the command starts");
+    let part = fixture.path("street.map.part");
+    let deadline = Instant::now() + Duration::from_secs(120);
+    // Another process may read a map that is being built.
+    while !Map::open_read_only(&part).is_ok_and(|map| !map.snapshot().nodes.is_empty()) {
+        assert!(
+            Instant::now() < deadline && !fixture.path("street.map").exists(),
+            "no commit was seen"
+        );
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    interrupt(&child);
+    let stopped = Ran::from(child.wait_with_output().expect("it ends"));
+    assert_eq!(stopped.code, 130, "{stopped:?}");
+    assert!(
+        stopped.stderr.contains("give the same command again"),
+        "{stopped:?}"
+    );
+    assert!(!fixture.path("street.map").exists());
+    assert!(fixture.run(&["map", "verify", "street.map.part"]).code == 0);
+    let kept = Map::open(&part)
+        .expect("intact")
+        .snapshot()
+        .summary()
+        .num_visits;
+    assert!((1..num_visits).contains(&kept), "{kept}");
+
+    // With other numbers it would be another map.
+    let other = [&build[..], &["--keep-appearances", "none"]].concat();
+    fixture.fails(
+        &other,
+        &["street.map.part", "another dataset or with other numbers"],
+    );
+
+    let finished = fixture.run(&build);
+    assert_eq!(finished.code, 0, "{finished:?}");
+    assert!(
+        finished
+            .stderr
+            .contains(&format!("going on: {kept} of {num_visits} visits")),
+        "{finished:?}"
+    );
+    let learnt = format!("{num_visits} visits ({} learnt now)", num_visits - kept);
+    assert!(finished.stdout.contains(&learnt), "{finished:?}");
+    assert!(!part.exists());
+    assert_eq!(fixture.run(&["map", "verify", "street.map"]).code, 0);
+}
+
+#[test]
+fn the_reference_preset_commits_once_at_the_end() {
+    let fixture = Fixture::new();
+    let build = [
+        "map",
+        "build",
+        "--data",
+        "data",
+        "--out",
+        "street.map",
+        "--preset",
+        "lttl",
+    ];
+    let built = fixture.run(&build);
+    assert_eq!(built.code, 0, "{built:?}");
+    assert!(
+        built.stdout.contains("24 visits (24 learnt now)"),
+        "{built:?}"
+    );
+    let map = Map::open_read_only(fixture.path("street.map")).expect("built");
+    assert_eq!(map.snapshot().meta.preset, "lttl");
+    assert_eq!(map.generations().expect("readable").len(), 2);
+    // The map says by which numbers it is asked.
+    let asked = fixture.run(&["localize", "street.map", "--print-config"]);
+    let preset = fixture.run(&["map", "build", "--print-config", "--preset", "lttl"]);
+    assert_eq!(asked.stdout, preset.stdout);
+    fixture.write("query0.png", png(0, query_time(), 9));
+    let located = fixture.run(&[
+        "localize",
+        "street.map",
+        "query0.png",
+        "--time",
+        QUERY_TIME,
+        "--json",
+    ]);
+    assert_eq!(located.lines()[0]["place"], "place-00", "{located:?}");
+}
+
+#[test]
+fn an_interrupted_reference_build_leaves_nothing_half_done() {
+    let fixture = Fixture::new();
+    long(&fixture);
+    let build = [
+        "map",
+        "build",
+        "--data",
+        "data",
+        "--out",
+        "street.map",
+        "--preset",
+        "lttl",
+    ];
+    let child = fixture
+        .command(&build)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the command starts");
+    let part = fixture.path("street.map.part");
+    let deadline = Instant::now() + Duration::from_secs(120);
+    while !part.exists() {
+        assert!(Instant::now() < deadline, "the build does not start");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    interrupt(&child);
+    let stopped = Ran::from(child.wait_with_output().expect("it ends"));
+    assert_eq!(stopped.code, 130, "{stopped:?}");
+    assert!(stopped.stderr.contains("nothing is kept"), "{stopped:?}");
+    assert!(!part.exists() && !fixture.path("street.map").exists());
+}
+
+#[test]
+fn a_disk_that_is_full_is_an_error() {
+    let fixture = Fixture::with_map();
+    if Path::new("/dev/full").exists() {
+        fixture.fails(
+            &[
+                "localize",
+                "street.map",
+                "query0.png",
+                "--time",
+                QUERY_TIME,
+                "--trace",
+                "/dev/full",
+            ],
+            &["/dev/full", "No space left"],
+        );
+    }
+    // A small disk takes the right to mount one, in a namespace of our own.
+    let script = "mount -t tmpfs -o size=64k none small && exec \"$0\" map build --data data --out small/street.map";
+    fs::create_dir(fixture.path("small")).expect("writable");
+    let ran = Command::new("unshare")
+        .args(["-rm", "sh", "-c", script, env!("CARGO_BIN_EXE_chronotope")])
+        .current_dir(fixture.dir.path())
+        .output();
+    match ran.map(Ran::from) {
+        Ok(ran) if !ran.stderr.contains("unshare") && !ran.stderr.contains("mount:") => {
+            assert_eq!(ran.code, 2, "{ran:?}");
+            assert!(ran.stderr.contains("the disk is full"), "{ran:?}");
+        }
+        other => eprintln!("not tested with a small disk: no right to mount one ({other:?})"),
+    }
+}
+
+#[test]
+fn a_folder_that_may_not_be_written_is_an_error() {
+    let fixture = Fixture::new();
+    let folder = fixture.path("locked");
+    fs::create_dir(&folder).expect("writable");
+    let mut rights = fs::metadata(&folder).expect("there").permissions();
+    rights.set_readonly(true);
+    fs::set_permissions(&folder, rights).expect("ours");
+    if fs::write(folder.join("probe"), "").is_ok() {
+        eprintln!("not tested: this user may write everywhere");
+        return;
+    }
+    fixture.fails(
+        &[
+            "map",
+            "build",
+            "--data",
+            "data",
+            "--out",
+            "locked/street.map",
+        ],
+        &["locked/street.map", "may be written"],
+    );
+}
+
+#[cfg(not(feature = "opencv"))]
+#[test]
+fn cameras_and_videos_name_the_feature_they_need() {
+    let fixture = Fixture::with_map();
+    fixture.fails(
+        &["localize", "street.map", "--camera", "0"],
+        &["camera 0", "--features opencv"],
+    );
+    fixture.fails(
+        &["localize", "street.map", "walk.mp4", "--time", QUERY_TIME],
+        &["walk.mp4", "--features opencv"],
+    );
+}
+
+#[test]
+fn a_kernel_that_is_none_is_reported() {
+    let fixture = Fixture::new();
+    let mut command = fixture.command(&["dataset", "check", "data"]);
+    let ran = Ran::from(
+        command
+            .env("CHRONOTOPE_KERNEL", "abacus")
+            .output()
+            .expect("it starts"),
+    );
+    assert_eq!(ran.code, 2, "{ran:?}");
+    assert!(
+        ran.stderr.contains("CHRONOTOPE_KERNEL") && ran.stderr.contains("abacus"),
+        "{ran:?}"
+    );
+}
+
+#[test]
+fn methods_that_need_what_was_not_kept_say_so() {
+    let fixture = Fixture::new();
+    let build = [
+        "map",
+        "build",
+        "--data",
+        "data",
+        "--out",
+        "bare.map",
+        "--keep-appearances",
+        "none",
+    ];
+    assert_eq!(fixture.run(&build).code, 0);
+    fixture.fails(
+        &[
+            "localize",
+            "bare.map",
+            "data/images/00.png",
+            "--method",
+            "experience",
+        ],
+        &["bare.map", "kept no appearances"],
+    );
+    fixture.fails(
+        &[
+            "localize",
+            "bare.map",
+            "data/images/00.png",
+            "--method",
+            "psychic",
+        ],
+        &["psychic", "fremen"],
+    );
+}

@@ -255,15 +255,8 @@ impl<'s> Tallies<'s> {
                         image_size: Some(material.extracted[entry].image_size),
                     };
                     let truth = snapshot.find(&material.dataset.entries[entry].place);
-<<<<<<< HEAD
                     let said = (localizers.iter())
                         .map(|localizer| ask(localizer, arm, &query, truth, scratch, sweep))
-=======
-                    let said = (contestants.iter())
-                        .map(|contestant| {
-                            ask(&contestant.localizer, arm, &query, truth, scratch, sweep)
-                        })
->>>>>>> cli
                         .collect::<Result<_>>()?;
                     Ok((entry, said))
                 },
@@ -353,18 +346,10 @@ impl<'s> Tallies<'s> {
         let mut scratch = Scratch::default();
         let mut sweep = Sweep::new(&self.suite.sizes)?;
         let mut out = Localization::default();
-<<<<<<< HEAD
         for (index, mut localizer) in localizers(&snapshot, arm, self.has_clock)?
             .into_iter()
             .enumerate()
         {
-=======
-        for (index, contestant) in contestants(&snapshot, arm, self.has_clock)?
-            .into_iter()
-            .enumerate()
-        {
-            let mut localizer = contestant.localizer;
->>>>>>> cli
             for &entry in fold.query.iter().step_by(step) {
                 let live = live(material, entry, num_live);
                 let query = Query {

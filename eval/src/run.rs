@@ -54,11 +54,7 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Vec<(SuiteResults, Pic
             control
                 .notes
                 .extend(against_static(&control, "FreMEn against static"));
-<<<<<<< HEAD
             vec![(main, main_pictures), (control, control_pictures)]
-=======
-            vec![main, control]
->>>>>>> cli
         }
         _ => vec![run_images(suite, options)?],
     };
@@ -96,15 +92,11 @@ fn run_images(suite: &Suite, options: &RunOptions) -> Result<(SuiteResults, Pict
     results
         .notes
         .extend(material.dataset.problems.iter().map(ToString::to_string));
-<<<<<<< HEAD
     let pictures = match exhibit {
         Some(exhibit) => pictures(&results, &material, exhibit, None)?,
         None => Pictures::default(),
     };
     Ok((results, pictures))
-=======
-    Ok(results)
->>>>>>> cli
 }
 
 /// The worlds of a synthetic suite: seeds `1..=seeds`, rounds to learn and to ask about.
@@ -115,11 +107,7 @@ struct Worlds {
 }
 
 impl Worlds {
-<<<<<<< HEAD
     fn run(&self, suite: &Suite, rhythms: bool) -> Result<(SuiteResults, Pictures)> {
-=======
-    fn run(&self, suite: &Suite, rhythms: bool) -> Result<SuiteResults> {
->>>>>>> cli
         let name = if rhythms {
             "synthetic"
         } else {
@@ -256,7 +244,6 @@ fn commit() -> String {
 
 fn sha256(bytes: &[u8]) -> String {
     use sha2::{Digest, Sha256};
-<<<<<<< HEAD
     hex(&Sha256::digest(bytes))
 }
 
@@ -267,9 +254,4 @@ pub(crate) fn hex(bytes: &[u8]) -> String {
         let _ = write!(text, "{byte:02x}");
         text
     })
-=======
-    (Sha256::digest(bytes).iter())
-        .map(|byte| format!("{byte:02x}"))
-        .collect()
->>>>>>> cli
 }

@@ -6,6 +6,7 @@ mod dataset;
 mod feature;
 #[cfg(feature = "opencv")]
 mod feature_opencv;
+mod localize;
 mod map;
 mod matching;
 mod spectrum;

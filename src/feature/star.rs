@@ -72,7 +72,7 @@ pub(super) struct StarParams {
 
 impl StarParams {
     /// Whether a detector can work with these values.
-    pub(super) fn check(&self) -> Result<()> {
+    pub(super) fn check(self) -> Result<()> {
         if !(5..=128).contains(&self.max_size) {
             return Err(Error::new(
                 ErrorKind::Config,
@@ -97,7 +97,7 @@ impl StarParams {
     }
 
     /// Filters in use, from the smallest to the first that is not below `max_size`.
-    fn filters(&self) -> &'static [u8] {
+    fn filters(self) -> &'static [u8] {
         let below = FILTER_SIZES
             .iter()
             .take_while(|&&size| size < self.max_size)
@@ -106,7 +106,7 @@ impl StarParams {
     }
 
     /// Pixels along each edge that no filter can be centred on.
-    fn border(&self) -> usize {
+    fn border(self) -> usize {
         self.filters()
             .last()
             .map_or(0, |&size| rhombus_radius(usize::from(size)))
@@ -138,7 +138,7 @@ struct FilterBank {
 }
 
 impl FilterBank {
-    fn new(params: &StarParams) -> Self {
+    fn new(params: StarParams) -> Self {
         let sizes = params.filters();
         let mut radii: Vec<usize> = sizes
             .iter()
@@ -183,7 +183,7 @@ pub(super) struct StarScratch {
 /// `params` have passed [`StarParams::check`].
 pub(super) fn detect(
     image: &GrayImage,
-    params: &StarParams,
+    params: StarParams,
     scratch: &mut StarScratch,
     keypoints: &mut Vec<Keypoint>,
 ) {
@@ -400,7 +400,7 @@ struct Field<'a> {
     responses: &'a [f32],
     sizes: &'a [u8],
     largest: u8,
-    params: &'a StarParams,
+    params: StarParams,
 }
 
 impl Field<'_> {

@@ -1,5 +1,7 @@
 //! Features against golden results, a literal reading of the definitions, and broken images.
 
+#![allow(clippy::expect_used, reason = "helpers of tests may fail like tests")]
+
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -11,7 +13,7 @@ use chronotope::feature::{
 };
 use proptest::prelude::*;
 
-/// The generator of scripts/make_golden.py.
+/// The generator of `scripts/make_golden.py`.
 struct Xorshift(u64);
 
 impl Xorshift {
@@ -23,7 +25,7 @@ impl Xorshift {
     }
 }
 
-/// The pictures of scripts/make_golden.py.
+/// The pictures of `scripts/make_golden.py`.
 pub(crate) fn draw(kind: &str, width: usize, height: usize, seed: u64) -> GrayImage {
     let mut random = Xorshift(seed);
     let mut data = vec![110_u8; width * height];
@@ -487,7 +489,11 @@ fn a_scaled_mask_hides_whatever_touches_hidden_pixels() {
     let path = folder.encoded("mask.png", &mask.into());
     let mask = load_mask(&path, &LoadOptions::default().with_scale(2.0)).expect("loads");
     assert!(mask.data().iter().all(|&pixel| pixel == 0 || pixel == 255));
-    let hidden = mask.data().iter().filter(|&&pixel| pixel == 0).count();
+    let hidden: usize = mask
+        .data()
+        .iter()
+        .map(|&pixel| usize::from(pixel == 0))
+        .sum();
     assert_eq!((hidden, mask.row(20)[20]), (16, 0));
 }
 

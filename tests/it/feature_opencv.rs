@@ -6,9 +6,7 @@ use crate::feature::draw;
 use chronotope::ErrorKind;
 use chronotope::feature::image_file::mask_from_rects;
 use chronotope::feature::opencv_input::{FrameSource, Moment};
-use chronotope::feature::{
-    CornerBriefConfig, Extractor, ExtractorConfig, GrayImage, Keypoint, Rect,
-};
+use chronotope::feature::{CornerBriefConfig, ExtractorConfig, GrayImage, Keypoint, Rect};
 use opencv::core::{CV_8UC3, Mat, Scalar, Size};
 use opencv::prelude::*;
 use opencv::videoio::VideoWriter;

@@ -38,7 +38,7 @@ fn bit(state: bool) -> BitRow {
 /// Prints the Brier score on the unseen week of each model learnt from 2 % of the office hours (Monday to Friday,
 /// 8 to 18 h UTC) of ten weeks, over five draws.
 #[test]
-fn office_hours_alone_foretell_the_next_week() {
+fn real_data_office_hours_alone_foretell_the_next_week() {
     let (Some(learn), Some(test)) = (
         series("series/door2016/learn_10_weeks.csv.gz"),
         series("series/door2016/test_week_1.csv.gz"),

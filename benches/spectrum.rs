@@ -25,17 +25,19 @@ fn now_s(started: Instant) -> f64 {
         .map_or_else(|| started.elapsed().as_secs_f64(), |ns| ns * 1e-9)
 }
 
-/// The best of some runs, in seconds: the machine's noise only ever adds.
-fn best_s<R>(runs: usize, mut run: impl FnMut() -> R) -> (f64, R) {
-    let mut best = f64::INFINITY;
-    let mut result = None;
+/// Seconds a run, over at least a few tenths of a second: processor time is counted in steps.
+fn seconds_a_run<R>(mut run: impl FnMut() -> R) -> (f64, R) {
     let started = Instant::now();
-    for _ in 0..runs {
-        let start_s = now_s(started);
-        result = Some(black_box(run()));
-        best = best.min(now_s(started) - start_s);
+    let start_s = now_s(started);
+    let mut runs = 0.0;
+    loop {
+        let result = black_box(run());
+        runs += 1.0;
+        let passed_s = now_s(started) - start_s;
+        if passed_s > 0.4 {
+            return (passed_s / runs, result);
+        }
     }
-    (best, result.expect("at least one run"))
 }
 
 fn random(state: &mut u64) -> u64 {
@@ -116,11 +118,11 @@ fn learning_and_predicting() {
     let (num_features, num_visits, num_candidates) = (500, 1_000, 1_000);
     let candidates = CandidatePeriods::harmonic(Period::YEAR, num_candidates).expect("valid");
     let log = log(num_features, num_visits, 0.5);
-    let (ours_s, model) = best_s(5, || learned(&log, &fremen(&candidates, 2)));
+    let (ours_s, model) = seconds_a_run(|| learned(&log, &fremen(&candidates, 2)));
 
     // The twin learns a tenth of the features: it takes seconds for each ten.
     let sample = num_features / 50;
-    let (plain_s, plain) = best_s(1, || {
+    let (plain_s, plain) = seconds_a_run(|| {
         let mut states = Vec::new();
         for feature in 0..sample {
             let mut state = Plain {
@@ -171,13 +173,13 @@ fn learning_and_predicting() {
     };
     let mut p = vec![0.0; num_features];
     let rounds = 2_000_i64;
-    let (ours_s, ()) = best_s(5, || {
+    let (ours_s, ()) = seconds_a_run(|| {
         for i in 0..rounds {
             model.predict_into(Time::from_s(1_500_000_000 + i * 777), &mut p);
             black_box(&p);
         }
     });
-    let (plain_s, last) = best_s(3, || {
+    let (plain_s, last) = seconds_a_run(|| {
         let mut last = Vec::new();
         for i in 0..rounds {
             let time_s = (1_500_000_000 + i * 777) as f64;
@@ -210,9 +212,9 @@ fn a_large_place() {
         ("mean", VisibilityConfig::mean()),
         ("fremen, order 2", fremen(&candidates, 2)),
     ] {
-        let (learn_s, model) = best_s(3, || learned(&log, &cfg));
+        let (learn_s, model) = seconds_a_run(|| learned(&log, &cfg));
         let mut p = vec![0.0; log.num_features()];
-        let (predict_s, ()) = best_s(10, || model.predict_into(Time::default(), &mut p));
+        let (predict_s, ()) = seconds_a_run(|| model.predict_into(Time::default(), &mut p));
         println!(
             "place of 100,000 features x 600 visits x 12 candidates, {name}: learn {:.1} ms, predict {:.2} ms",
             learn_s * 1e3,
@@ -238,17 +240,16 @@ fn transform() {
         let mut input = fft.make_input_vec();
         let mut output = fft.make_output_vec();
         let mut scratch = fft.make_scratch_vec();
-        let (fft_s, ()) = best_s(5, || {
+        let (fft_s, ()) = seconds_a_run(|| {
             for (sample, &state) in input.iter_mut().zip(&states) {
                 *sample = f64::from(u8::from(state));
             }
             fft.process_with_scratch(&mut input, &mut output, &mut scratch)
                 .expect("its own buffers");
         });
-        let (plan_s, _) = best_s(3, || {
-            realfft::RealFftPlanner::<f64>::new().plan_fft_forward(len)
-        });
-        let (build_s, model) = best_s(5, || {
+        let (plan_s, _) =
+            seconds_a_run(|| realfft::RealFftPlanner::<f64>::new().plan_fft_forward(len));
+        let (build_s, model) = seconds_a_run(|| {
             UniformSpectrum::build(Time::default(), second, &states, 2).expect("fits")
         });
         assert_eq!(model.order(), 2);

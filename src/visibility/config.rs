@@ -17,7 +17,7 @@ pub enum BeforeBirth {
     NotObservable,
 }
 
-/// Which candidate periods the visit times can support at all.
+/// Which candidate periods the visit times can support at all, and the place's history bears out.
 ///
 /// Off by default: the papers have no guards. Mind that twelve monthly visits of one year do not
 /// support an annual period by the default numbers.
@@ -26,6 +26,7 @@ pub enum BeforeBirth {
 pub struct Guards {
     min_cycles: f64,
     min_gaps: f64,
+    min_sigmas: f64,
 }
 
 impl Default for Guards {
@@ -35,6 +36,7 @@ impl Default for Guards {
         Self {
             min_cycles: 1.5,
             min_gaps: 2.0,
+            min_sigmas: 0.0,
         }
     }
 }
@@ -47,6 +49,7 @@ impl Guards {
         let guards = Self {
             min_cycles,
             min_gaps,
+            min_sigmas: 0.0,
         };
         guards.validate()?;
         Ok(guards)
@@ -62,8 +65,28 @@ impl Guards {
         self.min_gaps
     }
 
+    /// Keeps a period only if its power, summed over the features of the place, exceeds the mean of what
+    /// shuffled visit times give by this many of their standard deviations; 0 asks for nothing.
+    ///
+    /// Must be finite and not negative. Where visits are irregular this takes the place of `min_gaps`: a
+    /// rhythm far shorter than the gaps can be learnt from visits at ever other hours.
+    pub fn with_min_sigmas(mut self, min_sigmas: f64) -> Result<Self> {
+        self.min_sigmas = min_sigmas;
+        self.validate()?;
+        Ok(self)
+    }
+
+    /// By how many standard deviations a period must stand out from chance.
+    pub fn min_sigmas(&self) -> f64 {
+        self.min_sigmas
+    }
+
     fn validate(&self) -> Result<()> {
-        for (name, value) in [("min-cycles", self.min_cycles), ("min-gaps", self.min_gaps)] {
+        for (name, value) in [
+            ("min-cycles", self.min_cycles),
+            ("min-gaps", self.min_gaps),
+            ("min-sigmas", self.min_sigmas),
+        ] {
             if !(value.is_finite() && value >= 0.0) {
                 return Err(Error::new(
                     ErrorKind::Config,
@@ -431,12 +454,13 @@ impl VisibilityConfig {
     }
 
     /// Preset `default`: the strongest of the [natural](CandidatePeriods::natural) rhythms that fit into
-    /// the span of the visits and last two median gaps. One cycle is enough here, since a year of
-    /// monthly visits is what outdoor maps begin with.
+    /// the span of the visits and that the place as a whole follows, not by chance. One cycle is enough
+    /// to be looked at, since a year of visits is what outdoor maps begin with.
     pub fn rhythms() -> Self {
         let guards = Guards {
             min_cycles: 0.9,
-            min_gaps: 2.0,
+            min_gaps: 0.0,
+            min_sigmas: 5.0,
         };
         Self::fremen(CandidatePeriods::natural(), Order::Fixed(1)).with_guards(Some(guards))
     }

@@ -14,6 +14,7 @@
 //! ([`PhasorTable`]), so no order of summation shows.
 
 use super::VisibilityModel;
+use super::chance;
 use super::config::{Guards, HeldOut, Order, Split};
 use super::evidence::{Counts, Evidence};
 use crate::error::Result;
@@ -184,8 +185,21 @@ pub(super) fn fit(
     learner.learn(evidence, order)
 }
 
-/// Which candidates the times of the visits support.
+/// Which candidates the times of the visits support and the place follows beyond chance.
 pub(super) fn supported(
+    evidence: &Evidence<'_>,
+    candidates: &CandidatePeriods,
+    guards: Guards,
+) -> Vec<bool> {
+    let mut allowed = supported_by_times(evidence, candidates, guards);
+    if guards.min_sigmas() > 0.0 && allowed.contains(&true) {
+        chance::refuse(evidence, candidates, guards.min_sigmas(), &mut allowed);
+    }
+    allowed
+}
+
+/// Which candidates the times of the visits support.
+fn supported_by_times(
     evidence: &Evidence<'_>,
     candidates: &CandidatePeriods,
     guards: Guards,

@@ -19,6 +19,7 @@
 //! or an unchanging history gives the mean at every order, and any [`Time`](crate::Time), however
 //! far, has a p in [0, 1], never NaN.
 
+mod chance;
 mod config;
 mod evidence;
 mod fit;

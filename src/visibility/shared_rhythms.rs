@@ -19,6 +19,7 @@
 //!
 //! At most 2,048 features, evenly spread, are asked.
 
+use super::chance::Shuffles;
 use super::config::{Guards, HeldOut};
 use super::evidence::Evidence;
 use super::fremen::{BlockSums, lowest, splits, supported};
@@ -126,22 +127,10 @@ impl SharedRhythms<'_> {
         doubled: &CandidatePeriods,
         allowed: &[bool],
     ) -> Result<Vec<f64>> {
-        // In order of time, so that the order of arrival is of no importance.
-        let mut by_time: Vec<usize> = (0..evidence.visits.len()).collect();
-        let visit_times: Vec<_> = evidence.times().collect();
-        by_time.sort_by_key(|&index| (visit_times[index], index));
+        let mut shuffles = Shuffles::new(evidence);
         let mut most: Vec<f64> = Vec::new();
-        let mut random = 0_u64;
         for _ in 0..NUM_SHUFFLES {
-            let mut drawn = by_time.clone();
-            for i in (1..drawn.len()).rev() {
-                random = random.wrapping_add(0x9E37_79B9_7F4A_7C15);
-                drawn.swap(i, (mixed(random) % (i as u64 + 1)) as usize);
-            }
-            let mut times = visit_times.clone();
-            for (&index, &other) in by_time.iter().zip(&drawn) {
-                times[index] = visit_times[other];
-            }
+            let times = shuffles.draw();
             let voters = voters(evidence, doubled, Some(&times))?;
             let (_, explained) = self.path(&voters, allowed);
             most.resize(most.len().max(explained.len()), 0.0);
@@ -324,11 +313,4 @@ impl Voters {
         }
         total
     }
-}
-
-/// The finaliser of `SplitMix64`: every bit of the state reaches every bit of the result.
-fn mixed(state: u64) -> u64 {
-    let state = (state ^ (state >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    let state = (state ^ (state >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    state ^ (state >> 31)
 }

@@ -27,11 +27,31 @@ fn world() -> &'static World {
     })
 }
 
+/// A place of the street with a pattern of its own painted on it: the synthetic places look alike on
+/// purpose, but here only the command is tested.
 fn png(place: usize, time: Time, seed: u64) -> Vec<u8> {
-    let picture = world().render(place, time, seed);
-    let (width, height) = (picture.width() as u32, picture.height() as u32);
-    let picture = image::GrayImage::from_raw(width, height, picture.data().to_vec());
-    encoded(&picture.expect("width x height bytes"))
+    let street = world().render(place, time, seed);
+    let (width, height) = (street.width() as u32, street.height() as u32);
+    let mut picture = image::GrayImage::from_raw(width, height, street.data().to_vec())
+        .expect("width x height bytes");
+    let mut state = place as u64 + 1;
+    let mut random = |below: u64| {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) % below
+    };
+    for _ in 0..150 {
+        let (left, top) = (50 + random(210) as u32, 50 + random(130) as u32);
+        let (columns, rows) = (5 + random(9) as u32, 5 + random(9) as u32);
+        let level = image::Luma([random(256) as u8]);
+        for y in top..top + rows {
+            for x in left..left + columns {
+                picture.put_pixel(x, y, level);
+            }
+        }
+    }
+    encoded(&picture)
 }
 
 fn encoded(picture: &image::GrayImage) -> Vec<u8> {

@@ -1,4 +1,116 @@
 //! Visual topological localisation that knows what each place looks like *at a given time*.
+//!
+//! A map is a graph of places. Each place holds features (a keypoint with a BRIEF descriptor of 256
+//! bits) and the log of the visits at which each was seen. From that log a model of visibility is
+//! learnt, FreMEn by default: a mean and a few periodic components. For the time of a live image the
+//! features that should be visible are predicted, matched with those of the image, and the places are
+//! ranked by how much agrees.
+//!
+//! ```
+//! use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
+//! use chronotope::feature::{Extractor, StarBrief, StarBriefConfig};
+//! use chronotope::learn::{LearnConfig, Learner, Observation};
+//! use chronotope::localize::{Localizer, LocalizerConfig, Query};
+//! use chronotope::map::{MapMeta, SessionId, derived_uuid};
+//!
+//! // Two places, seen six times in 2023 and once in 2024. `Dataset::open` reads a folder instead.
+//! let world = World::new(&WorldConfig::new(1).num_places(2))?;
+//! let schedule = Schedule::standard(1, 6, 1);
+//! let extractor = StarBrief::new(StarBriefConfig::default())?;
+//!
+//! let meta = MapMeta::new(derived_uuid("example"), extractor.id(), "default");
+//! let mut learner = Learner::new(LearnConfig::default(), meta);
+//! for entry in world.dataset("learn", &schedule.learn).entries {
+//!     let image = entry.source.load()?;
+//!     let features = extractor.extract(&image, None)?;
+//!     learner.observe(&Observation {
+//!         place: entry.place,
+//!         session: SessionId::derive("one run"),
+//!         time: entry.time,
+//!         features: &features,
+//!         image_size: (image.width() as u32, image.height() as u32),
+//!         mask: None,
+//!         source: entry.id,
+//!     })?;
+//! }
+//!
+//! let localizer = Localizer::new(learner.snapshot()?, LocalizerConfig::default())?;
+//! let mut scratch = localizer.scratch();
+//! for entry in world.dataset("ask", &schedule.query).entries {
+//!     let features = extractor.extract(&entry.source.load()?, None)?;
+//!     let query = Query { features: &features, time: Some(entry.time), image_size: None };
+//!     let answer = localizer.localize(&mut scratch, &query)?;
+//!     assert_eq!(answer.ranking.len(), 2);
+//!     println!("{}: {:?}, because {}", entry.id, answer.decision, answer.reason);
+//! }
+//! # Ok::<(), chronotope::Error>(())
+//! ```
+//!
+//! # Concepts
+//!
+//! - A *place* ([`map::Node`] in code) is where the robot may be; [`map::Edge`]s join places.
+//! - A *visit* is one observation time of a place. A feature was then seen, not seen, or could not be
+//!   observed: before its birth, or under a mask. This log is the truth, every model a cache of it.
+//! - *Visibility* p(t) is the probability that a feature is seen at time t
+//!   ([`visibility::VisibilityModel`]). Its *spectrum* holds components (period, amplitude, phase); its
+//!   *order* counts the components used, and order 0 is the mean alone.
+//! - A *predicted map* ([`predict::PredictedMap`]) is the part of a place that should be visible at t.
+//! - A *query* is the features and time of a live image; its answer ([`localize::Localization`]) holds
+//!   the ranking, the matches, the *inliers* that agree on one displacement, and a *decision*: at a
+//!   place, ambiguous, or unknown. "Not here" is an answer, never an error.
+//! - An *experience* is one remembered appearance of a place: what other methods keep instead.
+//!
+//! # Data flow
+//!
+//! ```text
+//! learn      image -> feature -> learn::Learner -> Snapshot -> Map::commit (a generation of the file)
+//! localise   Map::snapshot -> Localizer::new (fits the visibility models)
+//!            image -> feature -> Query -> predict -> match -> verify -> score -> decide -> Localization
+//! ```
+//!
+//! A [`map::Snapshot`] is immutable and a [`localize::Localizer`] only reads it, so both may be shared
+//! between threads; each thread owns a [`localize::Scratch`]. Learning goes on beside it and publishes
+//! the next snapshot.
+//!
+//! # Conventions
+//!
+//! - *Pixels*: x to the right, y down, the centre of the upper-left pixel at (0, 0). A displacement is
+//!   live minus map, in px. Images are 8-bit grey in rows without padding.
+//! - *Time*: [`Time`] counts microseconds since 1970-01-01T00:00:00Z in an `i64`; a [`Period`] is a
+//!   whole number of microseconds, and a year has 365.2425 days. Phases are taken modulo the period
+//!   before anything becomes a float.
+//! - *Bits*: a descriptor's bit 0 is the most significant bit of its first byte, as in OpenCV;
+//!   distances are Hamming distances in bits, 0 to 256.
+//! - *Probability*: p(t) lies in [0, 1]; features are ranked by its value before clamping. The
+//!   posterior of a ranking by counts is a share of the score and not calibrated.
+//! - *Names*: numbers carry their unit (`_s`, `_us`, `_px`, `_bits`), counts begin with `num_`.
+//! - *Determinism*: the same build and input give the same bytes for any number of threads and any
+//!   SIMD kernel; ties go to the lowest id. The environment variable `CHRONOTOPE_KERNEL` forces a
+//!   kernel.
+//! - *Errors*: one [`Error`] with an [`ErrorKind`], the file, the place in it, and what helps.
+//!
+//! # Features of the crate
+//!
+//! - `cli` (default): the command `chronotope`. A library user takes `default-features = false`.
+//! - `opencv`: camera and video input, keypoints of ORB, FAST and AGAST. Needs OpenCV 4 and libclang.
+//!
+//! # Sources
+//!
+//! - T. Krajník, J. P. Fentanes, J. M. Santos, T. Duckett: FreMEn: Frequency map enhancement for
+//!   long-term mobile robot autonomy in changing environments. IEEE Transactions on Robotics, 2017.
+//!   In these docs: T-RO 2017.
+//! - T. Krajník, J. P. Fentanes, G. Cielniak, C. Dondrup, T. Duckett: Spectral analysis for long-term
+//!   robotic mapping. ICRA 2014.
+//! - T. Krajník, J. P. Fentanes, M. Hanheide, T. Duckett: Persistent localization and life-long mapping
+//!   in changing environments using the frequency map enhancement. IROS 2016.
+//! - J. M. Santos, T. Krajník, T. Duckett: Spatio-temporal exploration strategies for long-term autonomy
+//!   of mobile robots. Robotics and Autonomous Systems (RAS), 2017, online 2016.
+//! - W. Churchill, P. Newman: Experience-based navigation for long-term localisation. International
+//!   Journal of Robotics Research, 2013.
+//! - M. Calonder, V. Lepetit, C. Strecha, P. Fua: BRIEF: Binary robust independent elementary features.
+//!   ECCV 2010.
+//! - M. Agrawal, K. Konolige, M. R. Blas: CenSurE: Center surround extremas for realtime feature
+//!   detection and matching. ECCV 2008.
 
 #[cfg(feature = "cli")]
 pub mod cli;
@@ -17,3 +129,8 @@ pub mod visibility;
 
 pub use error::{Error, ErrorKind, Result};
 pub use time::{Period, Time};
+
+/// The README's examples, so that they compile.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -23,6 +23,7 @@ use chronotope::map::{MapMeta, NodeId, SessionId, Snapshot, derived_uuid};
 use chronotope::predict::Selection;
 use rayon::prelude::*;
 
+use crate::exhibit::Exhibit;
 use crate::material::Material;
 use crate::metrics::{self, Sample};
 use crate::results::{self, Answer, LeakCheck, Reobservation, SuiteResults};
@@ -113,12 +114,6 @@ struct Said {
     reobserved: Option<(u32, u32)>,
 }
 
-/// One localizer with its name in tables.
-struct Contestant {
-    run: Run,
-    localizer: Localizer,
-}
-
 /// Collects answers over folds and worlds, then turns them into rows.
 pub struct Tallies<'s> {
     suite: &'s Suite,
@@ -132,6 +127,7 @@ pub struct Tallies<'s> {
     extraction_ms: Vec<f64>,
     has_clock: bool,
     is_timed: bool,
+    exhibit: Option<Exhibit>,
 }
 
 /// What is summed up for one run: the rows of its variants share all but the answers.
@@ -145,16 +141,6 @@ struct VariantTally {
     num_asked: u64,
     reobserved: Vec<(Option<String>, f64)>,
     ms: Vec<Vec<f64>>,
-}
-
-/// What a report shows of one fold.
-pub struct Exhibit {
-    /// The map of the suite's most telling arm.
-    pub snapshot: Arc<Snapshot>,
-    /// The localizer of the run that pictures are drawn of.
-    pub localizer: Localizer,
-    /// The fold.
-    pub fold: Fold,
 }
 
 impl<'s> Tallies<'s> {
@@ -172,7 +158,13 @@ impl<'s> Tallies<'s> {
             extraction_ms: Vec::new(),
             has_clock: true,
             is_timed: false,
+            exhibit: None,
         }
+    }
+
+    /// What pictures can be drawn of, once something was added.
+    pub fn take_exhibit(&mut self) -> Option<Exhibit> {
+        self.exhibit.take()
     }
 
     /// Runs every arm on every fold of one dataset.
@@ -248,7 +240,7 @@ impl<'s> Tallies<'s> {
     ) -> Result<Vec<(usize, Vec<Said>)>> {
         let times = times(&material.dataset, arm)?;
         let snapshot = learn(material, fold, arm, &times)?;
-        let contestants = contestants(&snapshot, arm, self.has_clock)?;
+        let localizers = localizers(&snapshot, arm, self.has_clock)?;
         let num_live = LearnConfig::preset(arm.preset).features_per_visit();
         (fold.query.par_iter())
             .map_init(
@@ -263,10 +255,8 @@ impl<'s> Tallies<'s> {
                         image_size: Some(material.extracted[entry].image_size),
                     };
                     let truth = snapshot.find(&material.dataset.entries[entry].place);
-                    let said = (contestants.iter())
-                        .map(|contestant| {
-                            ask(&contestant.localizer, arm, &query, truth, scratch, sweep)
-                        })
+                    let said = (localizers.iter())
+                        .map(|localizer| ask(localizer, arm, &query, truth, scratch, sweep))
                         .collect::<Result<_>>()?;
                     Ok((entry, said))
                 },
@@ -356,11 +346,10 @@ impl<'s> Tallies<'s> {
         let mut scratch = Scratch::default();
         let mut sweep = Sweep::new(&self.suite.sizes)?;
         let mut out = Localization::default();
-        for (index, contestant) in contestants(&snapshot, arm, self.has_clock)?
+        for (index, mut localizer) in localizers(&snapshot, arm, self.has_clock)?
             .into_iter()
             .enumerate()
         {
-            let mut localizer = contestant.localizer;
             for &entry in fold.query.iter().step_by(step) {
                 let live = live(material, entry, num_live);
                 let query = Query {
@@ -395,6 +384,24 @@ impl<'s> Tallies<'s> {
                         sweep.pairs_compared()[size]
                     );
                 }
+            }
+            let variant = &self.variants[first_variant + index];
+            let is_better = match &self.exhibit {
+                None => true,
+                Some(known) => {
+                    variant.is_default
+                        || (variant.run.localizer.method() == Method::Fremen
+                            && known.localizer.cfg().method() == Method::Static)
+                }
+            };
+            if is_better {
+                self.exhibit = Some(Exhibit {
+                    variant: variant.run.variant(arm.preset, localizer.cfg().score()),
+                    localizer,
+                    fold: fold.clone(),
+                    times: times.clone(),
+                    num_live,
+                });
             }
         }
         Ok(())
@@ -472,7 +479,7 @@ fn reobservation(variant: &VariantTally) -> Option<Reobservation> {
 }
 
 /// The strongest features of an image.
-fn live(material: &Material, entry: usize, num_live: usize) -> Features {
+pub fn live(material: &Material, entry: usize, num_live: usize) -> Features {
     let mut features = material.extracted[entry].features.clone();
     features.truncate(num_live);
     features
@@ -513,12 +520,10 @@ pub fn learn(material: &Material, fold: &Fold, arm: &Arm, times: &[Time]) -> Res
     Ok(learner.snapshot()?)
 }
 
-fn contestants(snapshot: &Arc<Snapshot>, arm: &Arm, has_clock: bool) -> Result<Vec<Contestant>> {
+/// One localizer for each run of the arm.
+fn localizers(snapshot: &Arc<Snapshot>, arm: &Arm, has_clock: bool) -> Result<Vec<Localizer>> {
     (arm.runs(has_clock).into_iter())
-        .map(|run| {
-            let localizer = Localizer::new(Arc::clone(snapshot), run.localizer.clone())?;
-            Ok(Contestant { run, localizer })
-        })
+        .map(|run| Ok(Localizer::new(Arc::clone(snapshot), run.localizer)?))
         .collect()
 }
 

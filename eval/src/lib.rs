@@ -5,6 +5,7 @@
 //! [`table`] prints a run in a terminal and [`report`] draws it as one HTML file.
 
 pub mod compare;
+pub mod exhibit;
 pub mod harness;
 pub mod material;
 pub mod metrics;

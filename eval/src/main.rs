@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
+use chronotope_eval::report::{self, ReportInput};
 use chronotope_eval::results::SuiteResults;
 use chronotope_eval::run::{RunOptions, run};
 use chronotope_eval::suite::Suite;
@@ -90,11 +91,21 @@ fn main_of(args: Args) -> Result<()> {
             };
             std::fs::create_dir_all(&options.out)
                 .with_context(|| format!("cannot create {}", options.out.display()))?;
-            for results in run(&suite, &options)? {
+            for (results, pictures) in run(&suite, &options)? {
                 println!("{}", table::render(&results, n));
-                let path = options.out.join(format!("{}.json", results.suite));
-                results.write(&path)?;
-                eprintln!("wrote {}", path.display());
+                let json = options.out.join(format!("{}.json", results.suite));
+                results.write(&json)?;
+                // A suite's own report has one fixed name; that of its control says so.
+                let report = match results.suite.strip_prefix(&format!("{}-", suite.name)) {
+                    Some(part) => options.out.join(format!("report-{part}.html")),
+                    None => options.out.join("report.html"),
+                };
+                let input = ReportInput {
+                    results: &results,
+                    pictures: &pictures,
+                };
+                report::write(&input, &report)?;
+                eprintln!("wrote {} and {}", json.display(), report.display());
             }
         }
         Command::Compare { a, b } => {

@@ -8,9 +8,11 @@ use chronotope::dataset::{Dataset, Manifest};
 use chronotope::feature::{StarBrief, StarBriefConfig};
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::exhibit::pictures;
 use crate::harness::{Fold, Tallies, folds};
 use crate::material::Material;
 use crate::metrics::PairedDifference;
+use crate::report::Pictures;
 use crate::results::{SuiteResults, Variant};
 use crate::suite::{Protocol, Suite};
 
@@ -27,8 +29,8 @@ pub struct RunOptions {
     pub command: String,
 }
 
-/// Runs a suite and gives its results; a synthetic suite also those of its control world.
-pub fn run(suite: &Suite, options: &RunOptions) -> Result<Vec<SuiteResults>> {
+/// Runs a suite and gives its results with pictures for the report; a synthetic suite also those of its control world.
+pub fn run(suite: &Suite, options: &RunOptions) -> Result<Vec<(SuiteResults, Pictures)>> {
     let mut all = match &suite.protocol {
         Protocol::Synthetic {
             num_seeds,
@@ -36,12 +38,12 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Vec<SuiteResults>> {
             num_query,
         } => {
             let plan = Worlds {
-                num_seeds: *num_seeds,
-                num_learn: *num_learn,
-                num_query: *num_query,
+                seeds: *num_seeds,
+                learn: *num_learn,
+                query: *num_query,
             };
-            let mut main = plan.run(suite, true)?;
-            let mut control = plan.run(suite, false)?;
+            let (mut main, main_pictures) = plan.run(suite, true)?;
+            let (mut control, control_pictures) = plan.run(suite, false)?;
             control.suite = format!("{}-control", suite.name);
             main.notes
                 .extend(against_static(&main, "FreMEn against static"));
@@ -52,11 +54,11 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Vec<SuiteResults>> {
             control
                 .notes
                 .extend(against_static(&control, "FreMEn against static"));
-            vec![main, control]
+            vec![(main, main_pictures), (control, control_pictures)]
         }
         _ => vec![run_images(suite, options)?],
     };
-    for results in &mut all {
+    for (results, _) in &mut all {
         results.commit = commit();
         results.machine = machine();
         results.command.clone_from(&options.command);
@@ -64,7 +66,7 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Vec<SuiteResults>> {
     Ok(all)
 }
 
-fn run_images(suite: &Suite, options: &RunOptions) -> Result<SuiteResults> {
+fn run_images(suite: &Suite, options: &RunOptions) -> Result<(SuiteResults, Pictures)> {
     let manifest = Manifest::find_builtin(&suite.dataset)?;
     let data = options.data.as_deref().with_context(|| {
         format!(
@@ -85,21 +87,27 @@ fn run_images(suite: &Suite, options: &RunOptions) -> Result<SuiteResults> {
     let bar = progress(folds.len() * suite.arms.len(), "folds");
     tallies.add(&material, &folds, None, &|| bar.inc(1))?;
     bar.finish_and_clear();
+    let exhibit = tallies.take_exhibit();
     tallies.finish(&mut results);
     results
         .notes
         .extend(material.dataset.problems.iter().map(ToString::to_string));
-    Ok(results)
+    let pictures = match exhibit {
+        Some(exhibit) => pictures(&results, &material, exhibit, None)?,
+        None => Pictures::default(),
+    };
+    Ok((results, pictures))
 }
 
+/// The worlds of a synthetic suite: seeds `1..=seeds`, rounds to learn and to ask about.
 struct Worlds {
-    num_seeds: u64,
-    num_learn: usize,
-    num_query: usize,
+    seeds: u64,
+    learn: usize,
+    query: usize,
 }
 
 impl Worlds {
-    fn run(&self, suite: &Suite, rhythms: bool) -> Result<SuiteResults> {
+    fn run(&self, suite: &Suite, rhythms: bool) -> Result<(SuiteResults, Pictures)> {
         let name = if rhythms {
             "synthetic"
         } else {
@@ -109,10 +117,12 @@ impl Worlds {
         let extractor = extractor()?;
         let mut tallies = Tallies::new(suite);
         let mut digest = String::new();
-        let bar = progress(self.num_seeds as usize, name);
-        for seed in 1..=self.num_seeds {
+        // The first world, whose images the report shows.
+        let mut shown = None;
+        let bar = progress(self.seeds as usize, name);
+        for seed in 1..=self.seeds {
             let world = World::new(&WorldConfig::new(seed).rhythms(rhythms))?;
-            let schedule = Schedule::standard(seed, self.num_learn, self.num_query);
+            let schedule = Schedule::standard(seed, self.learn, self.query);
             let all: Vec<_> = [&schedule.learn[..], &schedule.query[..]].concat();
             let dataset = world.dataset(name, &all);
             digest.push_str(&dataset.sha256());
@@ -121,18 +131,31 @@ impl Worlds {
             let (query, learn) = (0..material.dataset.entries.len())
                 .partition(|&i| material.dataset.entries[i].time >= split);
             let fold = Fold { learn, query };
-            tallies.add(&material, &[fold], Some(&format!("seed {seed:02}")), &|| {})?;
+            tallies.add(&material, &[fold], Some(&prefix(seed)), &|| {})?;
+            shown.get_or_insert(material);
             bar.inc(1);
         }
         bar.finish_and_clear();
+        let exhibit = tallies.take_exhibit();
         tallies.finish(&mut results);
         results.dataset_sha256 = sha256(digest.as_bytes());
         results.split = format!(
             "{} worlds (seeds 1 to {}): {} rounds in 2023 learnt, {} rounds in 2024 asked for",
-            self.num_seeds, self.num_seeds, self.num_learn, self.num_query
+            self.seeds, self.seeds, self.learn, self.query
         );
-        Ok(results)
+        let pictures = match (exhibit, &shown) {
+            (Some(exhibit), Some(material)) => {
+                pictures(&results, material, exhibit, Some(&prefix(1)))?
+            }
+            _ => Pictures::default(),
+        };
+        Ok((results, pictures))
     }
+}
+
+/// What the ids of a world's queries begin with.
+fn prefix(seed: u64) -> String {
+    format!("seed {seed:02}")
 }
 
 /// The sentence that compares the default `fremen` with `static` at n = 30 and 50, per query.
@@ -221,7 +244,14 @@ fn commit() -> String {
 
 fn sha256(bytes: &[u8]) -> String {
     use sha2::{Digest, Sha256};
-    (Sha256::digest(bytes).iter())
-        .map(|byte| format!("{byte:02x}"))
-        .collect()
+    hex(&Sha256::digest(bytes))
+}
+
+/// Bytes in hexadecimal.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    use std::fmt::Write as _;
+    bytes.iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
 }

@@ -91,13 +91,6 @@ impl FrameSource {
     }
 
     fn read(&mut self) -> Result<Option<Frame>> {
-        let position_ms = if self.is_camera {
-            0.0
-        } else {
-            self.capture
-                .get(videoio::CAP_PROP_POS_MSEC)
-                .map_err(|cause| opencv_error(&cause))?
-        };
         let is_read = self
             .capture
             .read(&mut self.pixels)
@@ -113,6 +106,11 @@ impl FrameSource {
         let moment = if self.is_camera {
             Moment::Clock(taken)
         } else {
+            // After reading, this is the position of the frame just read.
+            let position_ms = self
+                .capture
+                .get(videoio::CAP_PROP_POS_MSEC)
+                .map_err(|cause| opencv_error(&cause))?;
             let position = Duration::try_from_secs_f64(position_ms / 1000.0);
             Moment::SinceStart(position.unwrap_or_default())
         };

@@ -43,9 +43,10 @@ impl CornerBrief {
     fn corners(&self, image: &GrayImage, mask: Option<&GrayImage>) -> opencv::Result<Corners> {
         let mut found = Vector::<KeyPoint>::new();
         let pixels = matrix(image)?;
-        let no_mask = Mat::default();
-        let mask_pixels = mask.map(matrix).transpose()?;
-        let mask: &Mat = mask_pixels.as_deref().unwrap_or(&no_mask);
+        let mask = match mask {
+            Some(mask) => matrix(mask)?.try_clone()?,
+            None => Mat::default(),
+        };
         let num_features = match &self.config {
             ExtractorConfig::StarBrief(_) => 0,
             ExtractorConfig::FastBrief(config) => {
@@ -54,7 +55,7 @@ impl CornerBrief {
                     true,
                     FastFeatureDetector_DetectorType::TYPE_9_16,
                 )?
-                .detect(&pixels, &mut found, mask)?;
+                .detect(&pixels, &mut found, &mask)?;
                 config.num_features()
             }
             ExtractorConfig::AgastBrief(config) => {
@@ -63,7 +64,7 @@ impl CornerBrief {
                     true,
                     AgastFeatureDetector_DetectorType::OAST_9_16,
                 )?
-                .detect(&pixels, &mut found, mask)?;
+                .detect(&pixels, &mut found, &mask)?;
                 config.num_features()
             }
             ExtractorConfig::OrbBrief(config) => {
@@ -81,7 +82,7 @@ impl CornerBrief {
                     border,
                     i32::from(config.threshold()),
                 )?
-                .detect(&pixels, &mut found, mask)?;
+                .detect(&pixels, &mut found, &mask)?;
                 config.num_features()
             }
         };

@@ -72,7 +72,7 @@ pub(super) struct StarParams {
 
 impl StarParams {
     /// Whether a detector can work with these values.
-    pub(super) fn check(&self) -> Result<()> {
+    pub(super) fn check(self) -> Result<()> {
         if !(5..=128).contains(&self.max_size) {
             return Err(Error::new(
                 ErrorKind::Config,
@@ -97,7 +97,7 @@ impl StarParams {
     }
 
     /// Filters in use, from the smallest to the first that is not below `max_size`.
-    fn filters(&self) -> &'static [u8] {
+    fn filters(self) -> &'static [u8] {
         let below = FILTER_SIZES
             .iter()
             .take_while(|&&size| size < self.max_size)
@@ -106,7 +106,7 @@ impl StarParams {
     }
 
     /// Pixels along each edge that no filter can be centred on.
-    fn border(&self) -> usize {
+    fn border(self) -> usize {
         self.filters()
             .last()
             .map_or(0, |&size| rhombus_radius(usize::from(size)))
@@ -138,7 +138,7 @@ struct FilterBank {
 }
 
 impl FilterBank {
-    fn new(params: &StarParams) -> Self {
+    fn new(params: StarParams) -> Self {
         let sizes = params.filters();
         let mut radii: Vec<usize> = sizes
             .iter()
@@ -183,7 +183,7 @@ pub(super) struct StarScratch {
 /// `params` have passed [`StarParams::check`].
 pub(super) fn detect(
     image: &GrayImage,
-    params: &StarParams,
+    params: StarParams,
     scratch: &mut StarScratch,
     keypoints: &mut Vec<Keypoint>,
 ) {
@@ -279,6 +279,7 @@ fn prefix_row(above: &[u32], pixels: &[u8], row: &mut [u32]) {
 }
 
 /// `row[i] = above[i] + above[i + 2] - above_2[i + 1] + a[i] + b[i]`, modulo 2^32.
+#[inline(never)] // inlined, the slices may alias for all the compiler knows: no vectors
 fn cone_row(above: &[u32], above_2: &[u32], a: &[u8], b: &[u8], row: &mut [u32]) {
     let n = row.len();
     let (left, right) = (&above[..n], &above[2..n + 2]);
@@ -343,6 +344,7 @@ fn respond(width: usize, height: usize, border: usize, bank: &FilterBank, s: &mu
 }
 
 /// Sums of stars from the corners of their square and their rhombus.
+#[inline(never)] // inlined, the slices may alias for all the compiler knows: no vectors
 fn add_stars(square: [&[u32]; 4], rhombus: [&[u32]; 4], out: &mut [i32]) {
     let n = out.len();
     let [s0, s1, s2, s3] = square.map(|row| &row[..n]);
@@ -360,7 +362,13 @@ fn add_stars(square: [&[u32]; 4], rhombus: [&[u32]; 4], out: &mut [i32]) {
     }
 }
 
+/// The bits of the magnitude of a finite `f32`; ordered like the magnitudes.
+const fn magnitude(bits: u32) -> i32 {
+    (bits & 0x7FFF_FFFF).cast_signed()
+}
+
 /// Replaces the responses (and sizes) whose magnitude `filter` exceeds.
+#[inline(never)] // inlined, the slices may alias for all the compiler knows: no vectors
 fn keep_strongest(
     filter: &Filter,
     inner: &[i32],
@@ -374,9 +382,13 @@ fn keep_strongest(
     for i in 0..n {
         let ring = outer[i].wrapping_sub(inner[i]);
         let response = inner[i] as f32 * filter.per_inner - ring as f32 * filter.per_ring;
-        let stronger = response.abs() > best[i].abs();
-        best[i] = if stronger { response } else { best[i] };
-        sizes[i] = if stronger { size } else { sizes[i] };
+        // Magnitudes compare as their bits do, and a choice by mask needs no branch: this is what makes
+        // the loop a vector loop.
+        let (new, old) = (response.to_bits(), best[i].to_bits());
+        let stronger = magnitude(new) > magnitude(old);
+        let mask = u32::from(stronger).wrapping_neg();
+        best[i] = f32::from_bits(new & mask | old & !mask);
+        sizes[i] = size & mask | sizes[i] & !mask;
     }
 }
 
@@ -388,7 +400,7 @@ struct Field<'a> {
     responses: &'a [f32],
     sizes: &'a [u8],
     largest: u8,
-    params: &'a StarParams,
+    params: StarParams,
 }
 
 impl Field<'_> {
@@ -421,9 +433,11 @@ impl Field<'_> {
                     if value.abs() <= threshold {
                         continue;
                     }
+                    // The cheapest question first: most extrema are of the smallest size.
                     if let Some((x, y)) = self.find(value, columns.clone(), rows.clone())
+                        && self.has_size_that_counts(x, y)
                         && self.is_alone(x, y, reach, bright)
-                        && self.is_keypoint(x, y)
+                        && !self.is_on_line(x, y)
                     {
                         keypoints.push(Keypoint {
                             x: x as f32,
@@ -506,13 +520,15 @@ impl Field<'_> {
         true
     }
 
-    /// Whether the extremum at (`x`, `y`) has a size that counts and does not lie on a line.
-    fn is_keypoint(&self, x: usize, y: usize) -> bool {
+    /// Whether keypoints may have the size of (`x`, `y`).
+    fn has_size_that_counts(&self, x: usize, y: usize) -> bool {
         let size = self.sizes[y * self.width + x];
-        size >= 4
-            && size < self.largest
-            && !self.is_on_line_of_sizes(x, y, size)
-            && !self.is_on_line_of_responses(x, y, size)
+        size >= 4 && size < self.largest
+    }
+
+    fn is_on_line(&self, x: usize, y: usize) -> bool {
+        let size = self.sizes[y * self.width + x];
+        self.is_on_line_of_sizes(x, y, size) || self.is_on_line_of_responses(x, y, size)
     }
 
     /// Index of the upper-left of the 9x9 samples around (`x`, `y`), and their spacing.

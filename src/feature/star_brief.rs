@@ -99,6 +99,7 @@ impl StarBriefConfig {
 }
 
 /// STAR keypoints with BRIEF-32 descriptors, bit-exact with OpenCV's.
+#[derive(Default)]
 pub struct StarBrief {
     config: StarBriefConfig,
     /// One per thread that extracts at the same time.
@@ -109,15 +110,6 @@ pub struct StarBrief {
 struct Scratch {
     star: StarScratch,
     brief: BriefScratch,
-}
-
-impl Default for StarBrief {
-    fn default() -> Self {
-        Self {
-            config: StarBriefConfig::default(),
-            pool: Mutex::default(),
-        }
-    }
 }
 
 impl StarBrief {
@@ -144,12 +136,7 @@ impl StarBrief {
     ) -> Result<Vec<Keypoint>> {
         check_mask(image, mask)?;
         let mut keypoints = Vec::new();
-        star::detect(
-            image,
-            &self.config.star(),
-            &mut scratch.star,
-            &mut keypoints,
-        );
+        star::detect(image, self.config.star(), &mut scratch.star, &mut keypoints);
         drop_masked(&mut keypoints, mask);
         sort_keypoints(&mut keypoints);
         Ok(keypoints)

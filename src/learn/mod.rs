@@ -83,6 +83,16 @@ pub struct Learner {
     scratch: Scratch,
 }
 
+/// What one image says about the features of its place.
+struct Found {
+    /// Live features that the place did not have, in its frame.
+    born: Features,
+    /// One bit for each feature known before, then one for each born now.
+    seen: BitRow,
+    /// As long, where something could not be observed.
+    hidden: Option<BitRow>,
+}
+
 /// Memory to work in.
 #[derive(Debug, Default)]
 struct Scratch {
@@ -124,32 +134,34 @@ impl Learner {
         let mut features = observation.features.clone();
         features.truncate(self.cfg.features_per_visit());
         let index = self.node_index(&observation.place);
-        let (experience_row, is_experience) = self.recall(index, features.view());
+        let (located_by, is_experience) = self.recall(index, features.view());
         let node = Arc::make_mut(&mut self.snapshot.nodes[index]);
-        let mut learnt = match self.cfg.recipe() {
-            Recipe::Online => online::learn(
+        let found = match self.cfg.recipe() {
+            Recipe::Online => online::find(
                 &self.cfg,
                 &self.reobserve,
                 &mut self.scratch,
-                node,
+                node.features.view(),
                 observation,
                 &features,
-            )?,
+            ),
             Recipe::Reference => {
                 self.stale[index] = true;
-                reference::grow(&self.cfg, node, observation.time, &features)?
+                reference::find(&self.cfg, node.features.view(), &features)
             }
         };
-        learnt.experience = is_experience;
+        let learnt = Learnt {
+            num_seen: found.seen.count_ones() - found.born.len(),
+            num_born: found.born.len(),
+            experience: is_experience,
+        };
         let keep = match (self.cfg.recipe(), self.cfg.keep_appearances()) {
             // The reference recipe looks at every image again.
             (Recipe::Reference, _) | (_, KeepAppearances::All) => true,
             (_, KeepAppearances::Experiences) => is_experience,
             (_, KeepAppearances::None) => false,
         };
-        node.experience_log
-            .push_visit(observation.time, experience_row, None)?;
-        node.visits.push(Visit {
+        let visit = Visit {
             appearance: keep.then(|| Arc::new(features)),
             appearance_use: if is_experience {
                 AppearanceUse::Experience
@@ -157,7 +169,8 @@ impl Learner {
                 AppearanceUse::Recognised
             },
             ..visit
-        });
+        };
+        node.push_visit(visit, &found.born, found.seen, found.hidden, located_by)?;
         self.snapshot.meta.image_size = Some(observation.image_size);
         Ok(learnt)
     }
@@ -242,21 +255,27 @@ impl Learner {
         self.snapshot.nodes.len() - 1
     }
 
-    /// Localises an image by the experiences so far: which experiences of its own place score higher
-    /// than every one of the other places, with a last bit for the image itself where none does.
+    /// Localises an image by the experiences so far: a bit for each experience of its own place, one
+    /// if it scores higher than every experience of the other places, and a last bit for the image
+    /// itself where none does and it becomes one.
     fn recall(&mut self, own: usize, live: FeaturesView<'_>) -> (BitRow, bool) {
+        let remembers = self.cfg.keep_appearances() != KeepAppearances::None
+            || self.cfg.recipe() == Recipe::Reference;
+        if !remembers {
+            let row = self.snapshot.nodes[own].unlocated(AppearanceUse::Recognised);
+            return (row, false);
+        }
         let mut best_other = self.cfg.experience().min_score().max(1) - 1;
         let mut own_scores = Vec::new();
         for (index, node) in self.snapshot.nodes.iter().enumerate() {
-            for visit in &node.visits {
-                let Some(appearance) = &visit.appearance else {
-                    continue;
-                };
-                if visit.appearance_use != AppearanceUse::Experience {
-                    continue;
-                }
-                let view = appearance.view().prefix(self.cfg.experience_features());
-                let score = self.scratch.score(&self.experience, &self.cfg, view, live);
+            let experiences = (node.visits.iter())
+                .filter(|visit| visit.appearance_use == AppearanceUse::Experience);
+            for visit in experiences {
+                // An experience whose appearance was dropped locates nothing.
+                let score = visit.appearance.as_ref().map_or(0, |appearance| {
+                    let view = appearance.view().prefix(self.cfg.experience_features());
+                    (self.scratch).score(&self.experience, &self.cfg, view, live)
+                });
                 if index == own {
                     own_scores.push(score);
                 } else {
@@ -266,13 +285,13 @@ impl Learner {
         }
         let located = own_scores.iter().any(|&score| score > best_other);
         let mut row = BitRow::zeros(own_scores.len() + usize::from(!located));
-        if !located {
-            row.set(own_scores.len());
-        }
         for (experience, &score) in own_scores.iter().enumerate() {
             if score > best_other {
                 row.set(experience);
             }
+        }
+        if !located {
+            row.set(own_scores.len());
         }
         (row, !located)
     }

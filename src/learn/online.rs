@@ -8,76 +8,65 @@
 //! 4. Features that the displacement moves out of the image, or under the mask, were *not observable*;
 //!    neither was anything in an image without any features (a black one).
 
-use super::{Learnt, Observation, Scratch};
-use crate::error::Result;
-use crate::feature::{Features, Keypoint};
-use crate::learn::LearnConfig;
-use crate::map::Node;
+use super::{Found, LearnConfig, Observation, Scratch};
+use crate::feature::{Features, FeaturesView, Keypoint};
 use crate::matching::{Displacement, Matcher, displacements_into, vote_displacement};
 use crate::visibility::BitRow;
 
-pub(super) fn learn(
+pub(super) fn find(
     cfg: &LearnConfig,
     matcher: &Matcher,
     scratch: &mut Scratch,
-    node: &mut Node,
+    known: FeaturesView<'_>,
     observation: &Observation<'_>,
     live: &Features,
-) -> Result<Learnt> {
+) -> Found {
     let Scratch {
         matching,
         matches,
         displacements,
         vote,
     } = scratch;
-    let known = node.features.view();
     matcher.matches_into(matching, known, live.view(), matches);
     displacements_into(matches, known.keypoints, live.keypoints(), displacements);
     let agreed = vote_displacement(cfg.vote(), vote, displacements);
-    let located = agreed.num_inliers >= cfg.min_inliers();
-    let shift = if located {
+    let is_located = agreed.num_inliers >= cfg.min_inliers();
+    let shift = if is_located {
         agreed.median
     } else {
         Displacement::default()
     };
 
-    let num_known = known.len();
     let mut is_known = BitRow::zeros(live.len());
-    let agreeing = || {
-        (matches.iter().zip(vote.inliers()))
-            .filter(|&(_, &inlier)| inlier && located)
-            .map(|(found, _)| found)
-    };
-    for found in agreeing() {
-        is_known.set(found.live as usize);
+    let mut seen_ids = Vec::new();
+    for (found, &is_inlier) in matches.iter().zip(vote.inliers()) {
+        if is_inlier && is_located {
+            is_known.set(found.live as usize);
+            seen_ids.push(found.map as usize);
+        }
     }
-    let born: Vec<usize> = (0..live.len()).filter(|&id| !is_known.get(id)).collect();
-    let mut seen = BitRow::zeros(num_known + born.len());
-    for found in agreeing() {
-        seen.set(found.map as usize);
+    let mut born = Features::new();
+    for id in (0..live.len()).filter(|&id| !is_known.get(id)) {
+        let mut keypoint = live.keypoints()[id];
+        keypoint.x -= shift.dx_px as f32;
+        keypoint.y -= shift.dy_px as f32;
+        born.push(keypoint, live.descriptors()[id]);
     }
-    let num_seen = seen.count_ones();
-
+    let mut seen = BitRow::zeros(known.len() + born.len());
+    for id in seen_ids.into_iter().chain(known.len()..seen.len()) {
+        seen.set(id);
+    }
     let mut hidden = BitRow::zeros(seen.len());
     for (id, keypoint) in known.keypoints.iter().enumerate() {
         if !seen.get(id) && (live.is_empty() || !is_in_view(keypoint, shift, observation)) {
             hidden.set(id);
         }
     }
-    for (offset, &id) in born.iter().enumerate() {
-        seen.set(num_known + offset);
-        let mut keypoint = live.keypoints()[id];
-        keypoint.x -= shift.dx_px as f32;
-        keypoint.y -= shift.dy_px as f32;
-        node.features.push(keypoint, live.descriptors()[id]);
+    Found {
+        born,
+        seen,
+        hidden: (hidden.count_ones() > 0).then_some(hidden),
     }
-    let hidden = (hidden.count_ones() > 0).then_some(hidden);
-    node.log.push_visit(observation.time, seen, hidden)?;
-    Ok(Learnt {
-        num_seen,
-        num_born: born.len(),
-        experience: false,
-    })
 }
 
 /// Whether a feature of the place, moved by the camera's displacement, lies on an observable pixel.

@@ -1,57 +1,39 @@
 //! Which features does a place have, and at which visits were they visible? (the reference recipe)
 //!
-//! While images come, [`grow`] adds those live features that fail the ratio test both ways. When the
+//! While images come, [`find`] adds those live features that fail the ratio test both ways. When the
 //! log is needed, [`write_log`] looks for every feature of the place in every image of it, one way, so
 //! that a feature can be visible before the visit it was first noticed in.
 
-use super::Learnt;
+use super::{Found, LearnConfig};
 use crate::error::Result;
-use crate::feature::Features;
-use crate::learn::LearnConfig;
+use crate::feature::{Features, FeaturesView};
 use crate::map::Node;
 use crate::matching::{MatchScratch, Matcher, TwoWay};
 use crate::simd::Kernel;
-use crate::time::Time;
 use crate::visibility::{BitRow, HistoryLog};
 
-/// Adds the new features of one image; its bits are provisional until [`write_log`].
-pub(super) fn grow(
-    cfg: &LearnConfig,
-    node: &mut Node,
-    time: Time,
-    live: &Features,
-) -> Result<Learnt> {
+/// What is new in one image; its bits are provisional until [`write_log`].
+pub(super) fn find(cfg: &LearnConfig, known: FeaturesView<'_>, live: &Features) -> Found {
     let mut two_way = TwoWay::new();
-    two_way.compare(
-        cfg.two_way(),
-        Kernel::best(),
-        node.features.view(),
-        live.view(),
-    );
-    let num_known = node.features.len();
-    let mut seen_ids: Vec<u32> = Vec::new();
+    two_way.compare(cfg.two_way(), Kernel::best(), known, live.view());
+    let mut born = Features::new();
+    let mut seen_ids = Vec::new();
     for (id, verdict) in two_way.verdicts().iter().enumerate() {
         if let Some(found) = verdict.seen() {
-            seen_ids.push(found.map);
+            seen_ids.push(found.map as usize);
         } else if verdict.is_new() {
-            node.features
-                .push(live.keypoints()[id], live.descriptors()[id]);
+            born.push(live.keypoints()[id], live.descriptors()[id]);
         }
     }
-    let mut seen = BitRow::zeros(node.features.len());
-    for id in seen_ids {
-        seen.set(id as usize);
-    }
-    let num_seen = seen.count_ones();
-    for id in num_known..node.features.len() {
+    let mut seen = BitRow::zeros(known.len() + born.len());
+    for id in seen_ids.into_iter().chain(known.len()..seen.len()) {
         seen.set(id);
     }
-    node.log.push_visit(time, seen, None)?;
-    Ok(Learnt {
-        num_seen,
-        num_born: node.features.len() - num_known,
-        experience: false,
-    })
+    Found {
+        born,
+        seen,
+        hidden: None,
+    }
 }
 
 /// Rewrites the log of a place from the images kept of it.

@@ -8,6 +8,7 @@
 use super::{Localizer, Plan, Query, Score, Scratch};
 use crate::error::{Error, ErrorKind, Result};
 use crate::map::NodeId;
+use crate::matching::Matcher;
 use crate::predict::Selection;
 
 /// What speaks for one place at one n.
@@ -150,10 +151,12 @@ impl Localizer {
         Ok(())
     }
 
-    /// How many of the `top` most likely features of a place are found in the live image, each counted
-    /// once (T-RO 2017 VII-C, table I), within the displacement of the reference recipe.
+    /// How many of the `top` most likely features of a place are found in the live image (T-RO 2017
+    /// VII-C, table I), within the displacement of the reference recipe.
     ///
-    /// `None` for methods that predict no features.
+    /// Each is looked for by itself: two that find the same live feature both count, since the question
+    /// is whether a predicted feature is visible, not what it says about the place. `None` for methods
+    /// that predict no features.
     pub fn reobserved(
         &self,
         scratch: &mut Scratch,
@@ -167,7 +170,8 @@ impl Localizer {
         };
         self.predict(scratch, node, model.as_ref(), time, Selection::Top(top));
         let (ranked, live) = (scratch.ranked.view(), query.features.view());
-        (self.matcher).matches_into(&mut scratch.matching, ranked, live, &mut scratch.matches);
+        let alone = (self.cfg.matching().to_builder().unique(false)).build()?;
+        Matcher::new(alone).matches_into(&mut scratch.matching, ranked, live, &mut scratch.matches);
         let window = crate::matching::Window::REFERENCE;
         let found = (scratch.matches.iter()).filter(|found| {
             window.contains(

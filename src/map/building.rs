@@ -1,6 +1,6 @@
 //! How does a snapshot grow without breaking its invariants?
 //!
-//! [`Node::push_visit`] keeps features, visits and log of a place in step; [`Snapshot::check`] says
+//! [`Node::push_visit`] keeps features, visits and logs of a place in step; [`Snapshot::check`] says
 //! of any snapshot whether a store may hold it. What is worth adding is decided by `learn`.
 
 use std::collections::{BTreeSet, HashSet};
@@ -19,14 +19,18 @@ impl Node {
     ///
     /// `seen` has a bit for each feature known before, then one for each born now; `hidden`, where
     /// given, is as long and marks what could not be observed. A feature born now need not be seen:
-    /// a builder that looks at all images first enters its features with the first visit. On error
-    /// nothing has changed. O(born + bits).
+    /// a builder that looks at all images first enters its features with the first visit.
+    ///
+    /// `located_by` has a bit for each experience known before, then one for this visit if it is
+    /// itself an experience ([`unlocated`](Self::unlocated) gives the row of a visit that none of
+    /// them located). On error nothing has changed. O(born + bits).
     pub fn push_visit(
         &mut self,
         visit: Visit,
         born: &Features,
         seen: BitRow,
         hidden: Option<BitRow>,
+        located_by: BitRow,
     ) -> Result<()> {
         let num_features = self.features.len() + born.len();
         if seen.len() != num_features {
@@ -41,12 +45,42 @@ impl Node {
                 ),
             ));
         }
+        let num_experiences = self.num_experiences_after(visit.appearance_use);
+        if located_by.len() != num_experiences {
+            return Err(Error::new(
+                ErrorKind::Shape,
+                format!(
+                    "place `{}`: {} bits do not cover its {num_experiences} experiences",
+                    self.key,
+                    located_by.len()
+                ),
+            ));
+        }
         self.log.push_visit(visit.time, seen, hidden)?;
+        self.experience_log
+            .push_visit(visit.time, located_by, None)?;
         self.visits.push(visit);
         for (&keypoint, &descriptor) in born.keypoints().iter().zip(born.descriptors()) {
             self.features.push(keypoint, descriptor);
         }
         Ok(())
+    }
+
+    /// The row for [`push_visit`](Self::push_visit) of a visit that no experience known before would
+    /// have located: only its own bit is one, if it is an experience itself.
+    pub fn unlocated(&self, appearance_use: AppearanceUse) -> BitRow {
+        let num_known = self.experience_log.num_features();
+        let mut row = BitRow::zeros(self.num_experiences_after(appearance_use));
+        if row.len() > num_known {
+            row.set(num_known);
+        }
+        row
+    }
+
+    /// The experiences known after one more visit of this use.
+    pub(super) fn num_experiences_after(&self, appearance_use: AppearanceUse) -> usize {
+        let is_experience = appearance_use == AppearanceUse::Experience;
+        self.experience_log.num_features() + usize::from(is_experience)
     }
 
     /// The ids of the features born at `visit`.
@@ -67,7 +101,7 @@ impl Node {
         Some((*times.iter().min()?, *times.iter().max()?))
     }
 
-    /// Whether features, visits and log are in step and everything can be stored.
+    /// Whether features, visits and logs are in step and everything can be stored.
     pub fn check(&self) -> Result<()> {
         let shape = |message: String| {
             Err(Error::new(ErrorKind::Shape, message).with_place(format!("place `{}`", self.key)))
@@ -93,6 +127,7 @@ impl Node {
         {
             return shape(format!("visit {at} and the log differ in time"));
         }
+        self.check_experiences().or_else(shape)?;
         if self.pose.is_some_and(|p| p.iter().any(|x| !x.is_finite())) {
             return shape("its pose is not finite".into());
         }
@@ -117,6 +152,44 @@ impl Node {
                     ));
                 }
             }
+        }
+        Ok(())
+    }
+
+    /// Whether the log of experiences is in step with the visits; what is wrong, if not.
+    fn check_experiences(&self) -> Result<(), String> {
+        let log = &self.experience_log;
+        if log.num_visits() != self.visits.len() {
+            return Err(format!(
+                "{} visits do not pair with a log of experiences at {}",
+                self.visits.len(),
+                log.num_visits()
+            ));
+        }
+        let mut num_experiences = 0;
+        for (at, (visit, &time)) in self.visits.iter().zip(log.times()).enumerate() {
+            if visit.time != time {
+                return Err(format!(
+                    "visit {at} and the log of experiences differ in time"
+                ));
+            }
+            let is_experience = visit.appearance_use == AppearanceUse::Experience;
+            num_experiences += usize::from(is_experience);
+            let found = log.seen_row(at).len();
+            if found != num_experiences {
+                return Err(format!(
+                    "{num_experiences} experiences up to visit {at} do not pair with {found} bits \
+                     of the log of experiences"
+                ));
+            }
+            if log.hidden_row(at).is_some() {
+                return Err(format!("the log of experiences hides some at visit {at}"));
+            }
+        }
+        if num_experiences > MAX_FEATURES {
+            return Err(format!(
+                "{num_experiences} experiences, where a place holds at most {MAX_FEATURES}"
+            ));
         }
         Ok(())
     }
@@ -264,7 +337,9 @@ impl Snapshot {
             for (at, visit) in node.visits.iter().enumerate() {
                 sessions.insert(visit.session);
                 let rows = 1 + usize::from(node.log.hidden_row(at).is_some());
-                summary.num_bytes += rows * node.log.seen_row(at).words().len() * 8;
+                let words = rows * node.log.seen_row(at).words().len()
+                    + node.experience_log.seen_row(at).words().len();
+                summary.num_bytes += words * 8;
                 if let Some(appearance) = &visit.appearance {
                     summary.num_appearances += 1;
                     summary.num_bytes += appearance.len() * FEATURE_BYTES;

@@ -200,6 +200,7 @@ fn insert_visit(
         ValueRef::Integer(seen.len() as i64),
         ValueRef::Blob(&encode_bits(seen)),
         hidden.as_deref().map_or(ValueRef::Null, ValueRef::Blob),
+        ValueRef::Blob(&encode_bits(node.experience_log.seen_row(number))),
     ];
     insert(connection, &format::VISIT, &values)?;
     let insert_features = |table, features: FeaturesView<'_>| {
@@ -268,7 +269,8 @@ fn check_prefix(before: &Node, after: &Node) -> Result<()> {
             && old.source == new.source
             && same_appearance
             && before.log.seen_row(at) == after.log.seen_row(at)
-            && before.log.hidden_row(at) == after.log.hidden_row(at);
+            && before.log.hidden_row(at) == after.log.hidden_row(at)
+            && before.experience_log.seen_row(at) == after.experience_log.seen_row(at);
         if !same {
             return fault(format!("its visit {at} is another"));
         }

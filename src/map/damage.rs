@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use rusqlite::Connection;
+use rusqlite::types::ValueRef;
 
 use super::*;
 use crate::feature::{Descriptor, Features, Keypoint};
@@ -41,16 +42,22 @@ fn visit_once(snapshot: &mut Snapshot, place: &str, seed: u32) {
     }
     let time = Time::from_s(1_000 * i64::from(seed));
     let session = SessionId::derive("a session");
+    let appearance_use = if seed.is_multiple_of(4) {
+        AppearanceUse::Recognised
+    } else {
+        AppearanceUse::Experience
+    };
     let visit = Visit {
         id: VisitId::derive(session, &key, time, &features_digest(&born)),
         session,
         time,
         source: format!("{seed}.png"),
         appearance: seed.is_multiple_of(2).then(|| Arc::new(features(seed, 2))),
-        appearance_use: AppearanceUse::Experience,
+        appearance_use,
     };
     let hidden = seed.is_multiple_of(3).then_some(hidden);
-    node.push_visit(visit, &born, seen, hidden)
+    let located_by = node.unlocated(appearance_use);
+    node.push_visit(visit, &born, seen, hidden, located_by)
         .expect("in step");
 }
 
@@ -89,18 +96,26 @@ fn tiny(path: &Path) -> Map {
 /// Whether the damage is noticed; if it is not, it must not matter.
 fn is_noticed(path: &Path, damaged: &[u8], expected: &Snapshot, what: &str) -> bool {
     fs::write(path, damaged).expect("writable");
+    let is_refused = is_refused(path, expected, what);
     let report = Map::verify(path);
     let is_clean = report.as_ref().is_ok_and(VerifyReport::is_clean);
-    let opened = Map::open_read_only(path);
-    match &opened {
-        Ok(map) => assert_eq!(*map.snapshot(), *expected, "{what}"),
+    assert!(!(is_refused && is_clean), "{what}: verify is content");
+    assert_eq!(fs::read(path).expect("there"), damaged, "{what}: changed");
+    !is_clean
+}
+
+/// Whether the file is not opened; if it is, it must be the map it was.
+fn is_refused(path: &Path, expected: &Snapshot, what: &str) -> bool {
+    match Map::open_read_only(path) {
+        Ok(map) => {
+            assert_eq!(*map.snapshot(), *expected, "{what}");
+            false
+        }
         Err(error) => {
             assert!(error.path().is_some(), "{what}: {error}");
-            assert!(!is_clean, "{what}: {error}, but verify is content");
+            true
         }
     }
-    assert_eq!(fs::read(path).expect("there"), damaged, "{what}: changed");
-    !is_clean || opened.is_err()
 }
 
 /// A damaged file that opens for writing must neither lose nor bend what is committed next.
@@ -125,22 +140,26 @@ fn every_flipped_byte_is_noticed_or_harmless() {
     let expected = tiny(&path).snapshot();
     let whole = fs::read(&path).expect("there");
     let path = folder.path().join("damaged.map");
-    let mut noticed = 0;
+    let mut num_refused = 0;
     for at in 0..whole.len() {
         let mut damaged = whole.clone();
         damaged[at] ^= 1 << (at * 5 % 8);
         let what = format!("bit {} of byte {at}", at * 5 % 8);
-        noticed += usize::from(is_noticed(&path, &damaged, &expected, &what));
-        // The headers of the file and of its first pages, then samples.
-        if at < 200 || at % 7 == 0 {
+        fs::write(&path, &damaged).expect("writable");
+        num_refused += usize::from(is_refused(&path, &expected, &what));
+        // The dear ways in: the header of the file, then samples from every page.
+        if at < 100 || at % 23 == 0 {
+            is_noticed(&path, &damaged, &expected, &what);
+        }
+        if at < 100 || at % 31 == 0 {
             commit_is_safe(&path, &damaged, &expected, &what);
         }
     }
     println!(
-        "{noticed} of {} flips noticed, the rest harmless",
+        "{num_refused} of {} flips refused, the rest harmless",
         whole.len()
     );
-    assert!(noticed > whole.len() / 4);
+    assert!(num_refused > whole.len() / 4);
 }
 
 #[test]
@@ -150,7 +169,7 @@ fn every_truncation_and_every_lost_or_swapped_page_is_noticed() {
     let expected = tiny(&path).snapshot();
     let whole = fs::read(&path).expect("there");
     let path = folder.path().join("damaged.map");
-    for len in (0..whole.len()).step_by(37).chain([1, 99, 100, 511, 512]) {
+    for len in (0..whole.len()).step_by(61).chain([1, 99, 100, 511, 512]) {
         let what = format!("cut to {len} bytes");
         assert!(is_noticed(&path, &whole[..len], &expected, &what), "{what}");
     }
@@ -187,6 +206,14 @@ fn rows_changed_by_hand_are_named() {
         (
             "UPDATE visit SET seen = NULL WHERE id = 2",
             "table visit, row 2",
+        ),
+        (
+            "UPDATE visit SET located_by = x'' WHERE id = 2",
+            "table visit, row 2",
+        ),
+        (
+            "UPDATE visit SET located_by = x'03' WHERE id = 2",
+            "table visit, row 2, column located_by, byte 0: ",
         ),
         (
             "UPDATE visit SET seen = (SELECT seen FROM visit WHERE id = 4), \
@@ -254,6 +281,46 @@ fn rows_changed_by_hand_are_named() {
         let report = Map::verify(&path).expect("a map");
         let first = report.faults.first().expect(sql).to_string();
         assert!(first.contains(expected), "{sql}: {first}");
+    }
+}
+
+/// The checksum holds, but the bits are not one for each experience so far.
+#[test]
+fn bits_that_do_not_fit_the_experiences_are_named() {
+    let folder = in_memory();
+    for (bits, expected) in [
+        (&[3_u8][..], "column located_by, byte 0: "),
+        (&[1, 0], "column located_by, byte 1: "),
+        (&[], "column located_by, byte 0: "),
+    ] {
+        let path = folder.path().join(format!("{bits:?}.map"));
+        let map = tiny(&path);
+        map.with_connection(|connection| {
+            let columns = format::VISIT.columns.join(", ");
+            let sql = format!("SELECT {columns} FROM visit WHERE id = 2");
+            let crc = connection
+                .query_row(&sql, [], |row| {
+                    let mut values = (0..format::VISIT.columns.len())
+                        .map(|column| row.get_ref(column))
+                        .collect::<rusqlite::Result<Vec<_>>>()?;
+                    values.pop();
+                    values.push(ValueRef::Blob(bits));
+                    Ok(format::row_crc(&format::VISIT, &values))
+                })
+                .expect("there");
+            connection
+                .execute(
+                    "UPDATE visit SET located_by = ?1, crc = ?2 WHERE id = 2",
+                    (bits, crc),
+                )
+                .expect("sound");
+        });
+        drop(map);
+        let error = Map::open(&path).expect_err("does not fit").to_string();
+        assert!(error.contains(expected), "{bits:?}: {error}");
+        let report = Map::verify(&path).expect("a map");
+        let first = report.faults.first().expect("a fault").to_string();
+        assert!(first.contains(expected), "{bits:?}: {first}");
     }
 }
 

@@ -41,6 +41,8 @@ pub(super) fn next_link(before: &ContentDigest, node: &Node, visit: usize) -> Co
         Some(hidden) => put_value(&mut sha, ValueRef::Blob(&encode_bits(hidden))),
         None => put_value(&mut sha, ValueRef::Null),
     }
+    let located_by = node.experience_log.seen_row(visit);
+    put_value(&mut sha, ValueRef::Blob(&encode_bits(located_by)));
     let born = node.born_at(visit);
     put_features(
         &mut sha,

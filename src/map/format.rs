@@ -13,7 +13,7 @@ use crate::visibility::BitRow;
 pub(super) const APPLICATION_ID: u32 = 0x4368_726f;
 /// The format this code reads and writes (SQLite's `user_version`).
 pub(super) const VERSION: u32 = 1;
-/// Features of one place, at most.
+/// Features of one place, at most; experiences, too.
 pub(super) const MAX_FEATURES: usize = 1 << 20;
 /// Bytes of one text, at most.
 pub(super) const MAX_TEXT_BYTES: usize = 4096;
@@ -116,7 +116,7 @@ pub(super) const VISIT: Table = Table {
              place INTEGER NOT NULL, number INTEGER NOT NULL, visit BLOB NOT NULL, \
              session BLOB NOT NULL, time_us INTEGER NOT NULL, source TEXT NOT NULL, \
              appearance_use TEXT NOT NULL, num_features INTEGER NOT NULL, seen BLOB NOT NULL, \
-             hidden BLOB, crc INTEGER NOT NULL) STRICT",
+             hidden BLOB, located_by BLOB NOT NULL, crc INTEGER NOT NULL) STRICT",
     columns: &[
         "id",
         "generation",
@@ -130,6 +130,7 @@ pub(super) const VISIT: Table = Table {
         "num_features",
         "seen",
         "hidden",
+        "located_by",
     ],
     limits: &[
         ("visit", 16),
@@ -138,6 +139,7 @@ pub(super) const VISIT: Table = Table {
         ("appearance_use", MAX_TEXT_BYTES),
         ("seen", MAX_BITS_BYTES),
         ("hidden", MAX_BITS_BYTES),
+        ("located_by", MAX_BITS_BYTES),
     ],
 };
 

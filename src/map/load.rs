@@ -658,6 +658,7 @@ fn read_visits(
                 .ok_or_else(|| misfit(row, 8, "neither `experience` nor `recognised`"))?,
         };
         let born = born.remove(&row.id).unwrap_or_default();
+        let located_by = row.blob(12)?;
         let place = row.count(2)?;
         let number = row.count(3)?;
         if !faults.is_clean() {
@@ -677,7 +678,10 @@ fn read_visits(
             return Err(misfit(row, 4, message));
         }
         let node = Arc::make_mut(node);
-        node.push_visit(visit, &born, seen, hidden)
+        let num_experiences = node.num_experiences_after(visit.appearance_use);
+        let located_by =
+            format::decode_bits(located_by, num_experiences).map_err(row.malformed(12))?;
+        node.push_visit(visit, &born, seen, hidden, located_by)
             .map_err(|error| misfit(row, 9, error.to_string()))?;
         state.chains[at] = digest::next_link(&state.chains[at], node, number);
         state.last_visit = row.id;

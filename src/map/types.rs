@@ -125,8 +125,9 @@ pub struct Node {
     pub log: HistoryLog,
     /// The visits, in order of arrival; `log.num_visits() == visits.len()` and times agree.
     pub visits: Vec<Visit>,
-    /// Which experience of the place would by itself have located which visit: one bit for each visit
-    /// with [`AppearanceUse::Experience`], in their order.
+    /// Which experience of the place would by itself have located which visit. Its "features" are the
+    /// visits with [`AppearanceUse::Experience`], in their order, each born at itself, whether or not
+    /// its appearance was kept; it has a row for every visit, and none of them has hidden bits.
     pub experience_log: HistoryLog,
     /// Position in metres in a frame of the user's, where known.
     pub pose: Option<[f64; 3]>,

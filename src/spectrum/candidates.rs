@@ -36,13 +36,11 @@ impl CandidatePeriods {
         count: 12,
     });
 
-    /// The rhythms of sun and people: a year, half a year, a week, and a day with its fractions down to
-    /// 6 h. Which of them a place's visits can support is for guards to say.
+    /// The rhythms of sun and people: a year, a week, and a day with its fractions down to 6 h. Which of them a place's visits can support is for guards to say.
     pub fn natural() -> Self {
         let [year, week, day] = [Period::YEAR, Period::WEEK, Period::DAY];
         Self(Kind::List(vec![
             year,
-            year.fraction(2),
             week,
             day,
             day.fraction(2),

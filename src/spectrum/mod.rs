@@ -6,6 +6,7 @@
 //! [`strongest`] selects the few rhythms that a model of order l keeps, and [`Rhythms`] is p(t).
 //! A state that was sampled at a steady rate is a [`UniformSpectrum`]: a few rhythms and an
 //! [`OutlierSet`], from which every sample can be given back.
+//! [`HarmonicRegression`] solves for a mean and rhythms together, from sums alone.
 //! [`LiteralFremen`] repeats the papers' own update rules for comparison.
 //!
 //! # Notation
@@ -29,6 +30,7 @@
 
 mod candidates;
 mod codec;
+mod least_squares;
 mod literal;
 mod outliers;
 mod phasor;
@@ -38,6 +40,8 @@ mod sums;
 mod uniform;
 
 pub use candidates::CandidatePeriods;
+pub(crate) use least_squares::Cholesky;
+pub use least_squares::HarmonicRegression;
 pub use literal::{Balance, LiteralFremen};
 pub use outliers::OutlierSet;
 pub use rhythms::{Component, Rhythms};

@@ -111,6 +111,14 @@ impl Default for HeldOut {
 }
 
 impl HeldOut {
+    /// As by default, with up to 5 rhythms: all features of a place pay for them together.
+    pub fn of_shared_rhythms() -> Self {
+        Self {
+            max_order: 5,
+            ..Self::default()
+        }
+    }
+
     /// Orders 0 to `max_order`, judged by `split`.
     pub fn new(max_order: usize, split: Split) -> Result<Self> {
         let held_out = Self {
@@ -188,6 +196,32 @@ pub enum ModelConfig {
         #[serde(default)]
         balance: Balance,
     },
+    /// Harmonic least squares on rhythms that all features of the place share, a
+    /// [`Fremen`](super::Fremen) in form. Needs harmonic candidates.
+    LeastSquares {
+        /// The rhythms looked for.
+        candidates: CandidatePeriods,
+        /// How many the place may follow, and how that is judged.
+        #[serde(default = "HeldOut::of_shared_rhythms")]
+        order: HeldOut,
+        /// Instead of choosing: use exactly these harmonics of the base period, from 1.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        harmonics: Option<Vec<u16>>,
+        /// Penalty on rhythms, in visits.
+        #[serde(default = "a_tenth")]
+        ridge: f64,
+    },
+    /// [`Logistic`](super::Logistic): the same rhythms, in log odds. Needs harmonic candidates.
+    Logistic {
+        /// The rhythms looked for.
+        candidates: CandidatePeriods,
+        /// How many the place may follow, and how that is judged.
+        #[serde(default = "HeldOut::of_shared_rhythms")]
+        order: HeldOut,
+        /// Instead of choosing: use exactly these harmonics of the base period, from 1.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        harmonics: Option<Vec<u16>>,
+    },
     /// [`Histogram`](super::Histogram).
     #[serde(rename_all = "kebab-case")]
     Histogram {
@@ -218,6 +252,10 @@ pub enum ModelConfig {
         /// The model that describes the long term.
         of: Box<ModelConfig>,
     },
+}
+
+fn a_tenth() -> f64 {
+    0.1
 }
 
 fn one() -> f64 {
@@ -266,6 +304,29 @@ impl ModelConfig {
                 ..
             } => held_out.validate(),
             Self::Mean {} | Self::Fremen { .. } | Self::Markov {} => Ok(()),
+            Self::LeastSquares {
+                candidates,
+                order,
+                harmonics,
+                ridge,
+            } => {
+                if !(ridge.is_finite() && *ridge > 0.0) {
+                    return Err(Error::new(
+                        ErrorKind::Config,
+                        format!("ridge must be a finite number above 0, not {ridge}"),
+                    ));
+                }
+                shared_rhythms(candidates, harmonics.as_deref())?;
+                order.validate()
+            }
+            Self::Logistic {
+                candidates,
+                order,
+                harmonics,
+            } => {
+                shared_rhythms(candidates, harmonics.as_deref())?;
+                order.validate()
+            }
             Self::Histogram {
                 num_bins, prior, ..
             } => {
@@ -281,6 +342,29 @@ impl ModelConfig {
             Self::Persistent { of } => of.validate(),
         }
     }
+}
+
+fn shared_rhythms(candidates: &CandidatePeriods, harmonics: Option<&[u16]>) -> Result<()> {
+    let config = |message: String| Error::new(ErrorKind::Config, message);
+    let count = match candidates.as_harmonic() {
+        Some((_, count)) if 2 * count <= CandidatePeriods::MAX_COUNT => count,
+        _ => {
+            return Err(config(
+                "shared rhythms need harmonic candidate periods, at most half as many as elsewhere"
+                    .into(),
+            )
+            .with_help("give `base-s` and `count` instead of a list"));
+        }
+    };
+    let mut sorted = harmonics.unwrap_or_default().to_vec();
+    sorted.sort_unstable();
+    let is_given_twice = sorted.windows(2).any(|pair| pair[0] == pair[1]);
+    if is_given_twice || sorted.iter().any(|&h| h == 0 || usize::from(h) > count) {
+        return Err(config(format!(
+            "harmonics must differ and be 1 to {count}, not {sorted:?}"
+        )));
+    }
+    Ok(())
 }
 
 fn not_negative(name: &str, value: f64) -> Result<()> {

@@ -136,21 +136,8 @@ impl<'a> Evidence<'a> {
     }
 
     fn lists(&self, first: usize, last: usize, row: impl Fn(usize) -> Option<&'a BitRow>) -> Lists {
-        let for_each_one = |mut with: Box<dyn FnMut(usize, u32) + '_>| {
-            for (index, &visit) in self.visits.iter().enumerate() {
-                let words = row(visit).map_or(&[][..], BitRow::words);
-                let end = last.div_ceil(64).min(words.len());
-                for (w, &word) in words.get(first / 64..end).into_iter().flatten().enumerate() {
-                    let mut rest = word;
-                    while rest != 0 {
-                        with(w * 64 + rest.trailing_zeros() as usize, index as u32);
-                        rest &= rest - 1;
-                    }
-                }
-            }
-        };
         let mut ends = vec![0; last - first];
-        for_each_one(Box::new(|feature, _| ends[feature] += 1));
+        self.for_each_one(first, last, &row, |feature, _| ends[feature] += 1);
         let mut next = Vec::with_capacity(ends.len());
         let mut total = 0;
         for end in &mut ends {
@@ -159,10 +146,32 @@ impl<'a> Evidence<'a> {
             *end = total;
         }
         let mut indices = vec![0; total];
-        for_each_one(Box::new(|feature, index| {
+        self.for_each_one(first, last, &row, |feature, index| {
             indices[next[feature]] = index;
             next[feature] += 1;
-        }));
+        });
         Lists { ends, indices }
+    }
+
+    /// Calls `with(feature - first, index of the visit)` for every one bit of the features
+    /// `first..last`, visit by visit.
+    fn for_each_one(
+        &self,
+        first: usize,
+        last: usize,
+        row: impl Fn(usize) -> Option<&'a BitRow>,
+        mut with: impl FnMut(usize, u32),
+    ) {
+        for (index, &visit) in self.visits.iter().enumerate() {
+            let words = row(visit).map_or(&[][..], BitRow::words);
+            let end = last.div_ceil(64).min(words.len());
+            for (w, &word) in words.get(first / 64..end).into_iter().flatten().enumerate() {
+                let mut rest = word;
+                while rest != 0 {
+                    with(w * 64 + rest.trailing_zeros() as usize, index as u32);
+                    rest &= rest - 1;
+                }
+            }
+        }
     }
 }

@@ -1,10 +1,12 @@
 //! How is a model of a place learnt from its log?
 
-use super::config::{ModelConfig, VisibilityConfig};
+use super::config::{HeldOut, ModelConfig, VisibilityConfig};
 use super::evidence::Evidence;
+use super::shared_rhythms::SharedRhythms;
 use super::{BitRow, HistoryLog, VisibilityModel};
-use super::{fremen, histogram, markov, mean, pergam, persistent};
+use super::{fremen, histogram, logistic, markov, mean, pergam, persistent};
 use crate::error::{Error, ErrorKind, Result};
+use crate::spectrum::CandidatePeriods;
 
 /// The visits that a model is fitted from.
 #[derive(Clone, Copy, Debug)]
@@ -69,6 +71,25 @@ fn fit_model(
             *balance,
             cfg.guards(),
         )?),
+        ModelConfig::LeastSquares {
+            candidates,
+            order,
+            harmonics,
+            ridge,
+        } => {
+            let mut shared = shared(cfg, candidates, *order, harmonics.as_deref());
+            shared.ridge = *ridge;
+            let harmonics = shared.choose(evidence)?;
+            Box::new(shared.regress(evidence, &harmonics)?)
+        }
+        ModelConfig::Logistic {
+            candidates,
+            order,
+            harmonics,
+        } => {
+            let shared = shared(cfg, candidates, *order, harmonics.as_deref());
+            Box::new(logistic::fit(evidence, &shared)?)
+        }
         ModelConfig::Histogram {
             period,
             num_bins,
@@ -84,4 +105,19 @@ fn fit_model(
             Box::new(persistent::fit(evidence, fit_model(evidence, cfg, of)?))
         }
     })
+}
+
+fn shared<'a>(
+    cfg: &VisibilityConfig,
+    candidates: &'a CandidatePeriods,
+    held_out: HeldOut,
+    harmonics: Option<&'a [u16]>,
+) -> SharedRhythms<'a> {
+    SharedRhythms {
+        candidates,
+        harmonics,
+        held_out,
+        ridge: 0.1,
+        guards: cfg.guards(),
+    }
 }

@@ -46,7 +46,7 @@ pub struct Fremen {
 
 impl Fremen {
     /// Every feature at its mean; the fit fills in components.
-    fn of_means(candidates: CandidatePeriods, order: usize, mean: Vec<f64>) -> Self {
+    pub(super) fn of_means(candidates: CandidatePeriods, order: usize, mean: Vec<f64>) -> Self {
         let slots = order * mean.len();
         Self {
             candidates,
@@ -68,6 +68,45 @@ impl Fremen {
     /// If there is no such feature.
     pub fn mean(&self, feature: usize) -> f64 {
         self.mean[feature]
+    }
+
+    /// Sets mean and components of a feature: harmonics from 1, factors of cosine and sine in turn.
+    pub(super) fn set(&mut self, feature: usize, mean: f64, harmonics: &[u16], factors: &[f64]) {
+        self.mean[feature] = mean;
+        let pairs = factors.chunks_exact(2);
+        for (slot, (&harmonic, pair)) in harmonics.iter().zip(pairs).enumerate() {
+            let at = slot * self.mean.len() + feature;
+            self.candidate[at] = harmonic - 1;
+            self.terms[at] = (pair[0], pair[1]);
+        }
+    }
+
+    /// Mean and rhythms of every feature, not clamped.
+    pub(super) fn sums_into(&self, time: Time, out: &mut [f64]) {
+        out.copy_from_slice(&self.mean);
+        if self.order == 0 {
+            return;
+        }
+        let count = self.mean.len().max(1);
+        self.with_phasors(time, |cos, sin| {
+            let slots = self.candidate.chunks(count).zip(self.terms.chunks(count));
+            for (candidates, terms) in slots {
+                for ((p, &k), &(re, im)) in out.iter_mut().zip(candidates).zip(terms) {
+                    *p += re * cos[usize::from(k)] + im * sin[usize::from(k)];
+                }
+            }
+        });
+    }
+
+    /// Mean and rhythms of one feature, not clamped.
+    pub(super) fn sum_of(&self, feature: usize, time: Time) -> f64 {
+        let mut p = self.mean[feature];
+        for slot in (feature..self.terms.len()).step_by(self.mean.len()) {
+            let (cos, sin) = self.candidates.phasor(self.candidate[slot].into(), time);
+            let (re, im) = self.terms[slot];
+            p += re * cos + im * sin;
+        }
+        p
     }
 
     /// Calls `with` with the cosines and the sines of all candidates at `time`.
@@ -93,36 +132,18 @@ impl VisibilityModel for Fremen {
     }
 
     fn predict_into(&self, time: Time, out: &mut [f64]) {
-        self.score_into(time, out);
+        self.sums_into(time, out);
         for p in out {
             *p = p.clamp(0.0, 1.0);
         }
     }
 
     fn score_into(&self, time: Time, out: &mut [f64]) {
-        out.copy_from_slice(&self.mean);
-        if self.order == 0 {
-            return;
-        }
-        let count = self.mean.len().max(1);
-        self.with_phasors(time, |cos, sin| {
-            let slots = self.candidate.chunks(count).zip(self.terms.chunks(count));
-            for (candidates, terms) in slots {
-                for ((p, &k), &(re, im)) in out.iter_mut().zip(candidates).zip(terms) {
-                    *p += re * cos[usize::from(k)] + im * sin[usize::from(k)];
-                }
-            }
-        });
+        self.sums_into(time, out);
     }
 
     fn predict_one(&self, feature: usize, time: Time) -> f64 {
-        let mut p = self.mean[feature];
-        for slot in (feature..self.terms.len()).step_by(self.mean.len()) {
-            let (cos, sin) = self.candidates.phasor(self.candidate[slot].into(), time);
-            let (re, im) = self.terms[slot];
-            p += re * cos + im * sin;
-        }
-        p.clamp(0.0, 1.0)
+        self.sum_of(feature, time).clamp(0.0, 1.0)
     }
 
     fn order(&self) -> usize {

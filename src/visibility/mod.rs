@@ -8,6 +8,8 @@
 //! |---|---|---|
 //! | [`Mean`] | the share of visits at which it was seen | baseline; few visits; no clock |
 //! | [`Fremen`] | mean plus the l strongest of given rhythms (T-RO eq. 10-11) | the papers' method |
+//! | least squares | a few rhythms shared by the place, solved together | irregular visits |
+//! | [`Logistic`] | the same in log odds, with priors learnt from the place | calibrated p; few visits |
 //! | [`Histogram`] | the share seen in the same part of the day, week, ... | rhythms of any shape and known period |
 //! | [`Pergam`] | a few Gaussians round the day, week, ... (RAS 4.3.2) | short events at fixed times |
 //! | [`Markov`] | relaxes from the last state to the share of time seen (RAS eq. 5-6) | short term |
@@ -23,17 +25,20 @@ mod fit;
 mod fremen;
 mod histogram;
 mod history;
+mod logistic;
 mod markov;
 mod mean;
 mod model;
 mod pergam;
 mod persistent;
+mod shared_rhythms;
 
 pub use config::{BeforeBirth, Guards, HeldOut, ModelConfig, Order, Split, VisibilityConfig};
 pub use fit::{Visits, fit};
 pub use fremen::Fremen;
 pub use histogram::Histogram;
 pub use history::{BitRow, HistoryLog, Observation};
+pub use logistic::Logistic;
 pub use markov::Markov;
 pub use mean::Mean;
 pub use model::VisibilityModel;

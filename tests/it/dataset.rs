@@ -919,7 +919,7 @@ fn real_data() -> Option<PathBuf> {
 }
 
 #[test]
-fn real_datasets_are_complete() {
+fn real_data_sets_are_complete() {
     let Some(root) = real_data() else { return };
     for (name, num_entries, num_places, num_distinct, twins) in [
         ("stromovka", 60, 5, 60, Vec::new()),
@@ -964,7 +964,7 @@ fn real_datasets_are_complete() {
 }
 
 #[test]
-fn the_real_las_vegas_set_is_complete() {
+fn real_data_of_las_vegas_is_complete() {
     let Some(root) = real_data() else { return };
     let manifest = Manifest::find_builtin("lasvegas").unwrap();
     let dataset = Dataset::open_with(&manifest, &root).unwrap();

@@ -1,5 +1,7 @@
 //! Features against golden results, a literal reading of the definitions, and broken images.
 
+#![allow(clippy::expect_used, reason = "helpers of tests may fail like tests")]
+
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -11,7 +13,7 @@ use chronotope::feature::{
 };
 use proptest::prelude::*;
 
-/// The generator of scripts/make_golden.py.
+/// The generator of `scripts/make_golden.py`.
 struct Xorshift(u64);
 
 impl Xorshift {
@@ -23,8 +25,8 @@ impl Xorshift {
     }
 }
 
-/// The pictures of scripts/make_golden.py.
-fn draw(kind: &str, width: usize, height: usize, seed: u64) -> GrayImage {
+/// The pictures of `scripts/make_golden.py`.
+pub(crate) fn draw(kind: &str, width: usize, height: usize, seed: u64) -> GrayImage {
     let mut random = Xorshift(seed);
     let mut data = vec![110_u8; width * height];
     for _ in 0..width * height / 150 {
@@ -122,11 +124,11 @@ fn literal_star(image: &GrayImage, max_size: usize, reach: usize) -> Vec<(usize,
         }
         (sum, area)
     };
-    let mut sizes = vec![2, 4, 6, 8, 12, 16];
+    let mut sizes = vec![2_i64, 4, 6, 8, 12, 16];
     sizes.truncate(
         sizes
             .iter()
-            .position(|&size| size >= max_size)
+            .position(|&size| size >= max_size as i64)
             .expect("small")
             + 1,
     );
@@ -214,10 +216,9 @@ proptest! {
         let all = StarBrief::new(StarBriefConfig::default().with_num_features(usize::MAX)).expect("valid");
         let few = StarBrief::new(StarBriefConfig::default().with_num_features(num_features)).expect("valid");
         let mut features = all.extract(&picture, None).expect("extracts");
-        prop_assert!(features.keypoints().windows(2).all(|pair| {
-            let key = |k: &Keypoint| (-k.response, k.y, k.x);
-            key(&pair[0]) <= key(&pair[1])
-        }));
+        let order = |k: &Keypoint| (-k.response, k.y, k.x);
+        let is_sorted = features.keypoints().is_sorted_by_key(order);
+        prop_assert!(is_sorted);
         for point in features.keypoints() {
             prop_assert!(point.x >= 69.0 && point.x < picture.width() as f32 - 69.0);
             prop_assert!(point.y >= 69.0 && point.y < picture.height() as f32 - 69.0);
@@ -488,7 +489,11 @@ fn a_scaled_mask_hides_whatever_touches_hidden_pixels() {
     let path = folder.encoded("mask.png", &mask.into());
     let mask = load_mask(&path, &LoadOptions::default().with_scale(2.0)).expect("loads");
     assert!(mask.data().iter().all(|&pixel| pixel == 0 || pixel == 255));
-    let hidden = mask.data().iter().filter(|&&pixel| pixel == 0).count();
+    let hidden: usize = mask
+        .data()
+        .iter()
+        .map(|&pixel| usize::from(pixel == 0))
+        .sum();
     assert_eq!((hidden, mask.row(20)[20]), (16, 0));
 }
 

@@ -1,10 +1,17 @@
 //! The one integration-test binary.
+#![allow(clippy::unwrap_used, clippy::expect_used)] // reason: a test that cannot prepare itself has failed.
 
+mod architecture;
 mod cli;
 mod dataset;
 mod feature;
+#[cfg(feature = "opencv")]
+mod feature_opencv;
+mod localize;
 mod map;
 mod matching;
 mod spectrum;
 mod synthetic;
 mod visibility;
+mod visibility_series;
+mod visibility_suite;

@@ -8,11 +8,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use chronotope::feature::{Descriptor, Features, Keypoint, Rect};
+use chronotope::learn::{LearnConfig, Learner, Observation};
+use chronotope::localize::Preset;
 use chronotope::map::{
-    AppearanceUse, Edge, Map, MapMeta, PlaceKey, SessionId, Snapshot, Visit, VisitId, derived_uuid,
-    features_digest,
+    AppearanceUse, Edge, Map, MapMeta, Node, PlaceKey, SessionId, Snapshot, Visit, VisitId,
+    derived_uuid, features_digest,
 };
-use chronotope::visibility::BitRow;
+use chronotope::visibility::{BitRow, HistoryLog};
 use chronotope::{ErrorKind, Time};
 use proptest::prelude::*;
 
@@ -60,6 +62,7 @@ enum Step {
         born: usize,
         seen: Vec<bool>,
         hidden: Option<Vec<bool>>,
+        located_by: Vec<bool>,
         kept: bool,
     },
     Pose {
@@ -77,9 +80,11 @@ enum Step {
 fn step() -> impl Strategy<Value = Step> {
     let bits = || proptest::collection::vec(any::<bool>(), 1..80);
     prop_oneof![
-        8 => (0..4_u8, 0..40_usize, bits(), proptest::option::of(bits()), any::<bool>()).prop_map(
-            |(place, born, seen, hidden, kept)| Step::Visit { place, born, seen, hidden, kept }
-        ),
+        8 => (
+            0..4_u8, 0..40_usize, bits(), proptest::option::of(bits()), bits(), any::<bool>()
+        ).prop_map(|(place, born, seen, hidden, located_by, kept)| {
+            Step::Visit { place, born, seen, hidden, located_by, kept }
+        }),
         1 => (0..4_u8, proptest::option::of(proptest::array::uniform3(-1e6..1e6)))
             .prop_map(|(place, pose)| Step::Pose { place, pose }),
         2 => (0..4_u8, 0..4_u8).prop_map(|(from, to)| Step::Edge { from, to }),
@@ -99,6 +104,7 @@ fn take(snapshot: &mut Snapshot, number: u64, step: &Step) {
             born,
             seen,
             hidden,
+            located_by,
             kept,
         } => {
             let key = place(*at);
@@ -113,11 +119,17 @@ fn take(snapshot: &mut Snapshot, number: u64, step: &Step) {
                     hidden_row.set(i);
                 }
             }
+            let visit = visit(&key, number, *kept);
+            let mut located_row = node.unlocated(visit.appearance_use);
+            for i in (0..located_row.len()).filter(|i| located_by[i % located_by.len()]) {
+                located_row.set(i);
+            }
             node.push_visit(
-                visit(&key, number, *kept),
+                visit,
                 &features(number + 1000, *born),
                 seen_row,
                 hidden.is_some().then_some(hidden_row),
+                located_row,
             )
             .expect("in step");
         }
@@ -168,7 +180,7 @@ fn same(a: &Snapshot, b: &Snapshot) -> bool {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig::with_cases(32))]
 
     #[test]
     fn any_number_of_commits_and_reopenings_gives_the_same_map(
@@ -215,6 +227,7 @@ fn small(path: &Path) -> (Map, Snapshot) {
             born: 3,
             seen: vec![true, true, false],
             hidden: (number == 3).then(|| vec![true, false]),
+            located_by: vec![false, true],
             kept: number == 1,
         };
         take(&mut snapshot, number, &step);
@@ -253,13 +266,136 @@ fn a_commit_that_changes_the_past_is_refused() {
         let again = s.nodes[0].visits[0].clone();
         let node = s.node_mut(first(s));
         let seen = BitRow::zeros(node.features.len());
-        node.push_visit(again, &Features::new(), seen, None)
+        let located_by = node.unlocated(again.appearance_use);
+        node.push_visit(again, &Features::new(), seen, None, located_by)
             .expect("in step");
     });
     assert!(message.contains("already"), "{message}");
+    // A log that goes another way, and logs that are not in step with the visits.
+    let relogged = |rows: &[(usize, bool)]| {
+        let times = good.nodes[0].log.times();
+        let mut log = HistoryLog::new();
+        for (&(len, hides), &time) in rows.iter().zip(times) {
+            let hidden = hides.then(|| BitRow::zeros(len));
+            log.push_visit(time, BitRow::zeros(len), hidden)
+                .expect("fits");
+        }
+        refused(&|s| s.node_mut(first(s)).experience_log = log.clone())
+    };
+    let all = [
+        (
+            &[(1, false), (2, false), (3, false)][..],
+            "visit 0 is another",
+        ),
+        (&[(1, false), (2, false)], "log of experiences at 2"),
+        (&[(1, false), (3, false), (3, false)], "up to visit 1"),
+        (&[(0, false), (1, false), (2, false)], "up to visit 0"),
+        (
+            &[(1, false), (2, true), (3, false)],
+            "hides some at visit 1",
+        ),
+    ];
+    for (rows, expected) in all {
+        let message = relogged(rows);
+        assert!(message.contains(expected), "{message}");
+    }
+    let message = refused(&|s| {
+        let node = s.node_mut(first(s));
+        let mut late = HistoryLog::new();
+        for (at, time) in node.log.times().iter().enumerate() {
+            let time = Time::from_us(time.as_us() + i64::from(at == 2));
+            late.push_visit(time, node.experience_log.seen_row(at).clone(), None)
+                .expect("fits");
+        }
+        node.experience_log = late;
+    });
+    assert!(message.contains("visit 2 and the log"), "{message}");
     let message = refused(&|s| s.node_mut(first(s)).pose = Some([0.0, f64::NAN, 0.0]));
     assert!(message.contains("not finite"), "{message}");
     assert_eq!(map.commit(&good).expect("nothing new"), 1);
+    assert!(Map::verify(&path).expect("is a map").is_clean());
+}
+
+#[test]
+fn push_visit_refuses_bits_for_other_experiences_and_changes_nothing() {
+    let key = place(0);
+    let mut node = Node::new(key.clone());
+    for (seed, bits) in [(0, 0), (0, 2), (1, 1)] {
+        let before = node.clone();
+        let error = node
+            .push_visit(
+                visit(&key, seed, false),
+                &features(seed, 2),
+                BitRow::zeros(2),
+                None,
+                BitRow::zeros(bits),
+            )
+            .expect_err("an experience has a bit, another visit none");
+        assert_eq!(error.kind(), ErrorKind::Shape);
+        assert_eq!(node, before);
+    }
+    // An experience whose appearance was not kept counts all the same.
+    for (seed, expected) in [(0, &[0][..]), (1, &[]), (2, &[1])] {
+        let visit = visit(&key, seed, false);
+        let row = node.unlocated(visit.appearance_use);
+        assert_eq!(row.ones().collect::<Vec<_>>(), expected);
+        node.push_visit(visit, &Features::new(), BitRow::zeros(0), None, row)
+            .expect("in step");
+    }
+    assert_eq!(node.experience_log.num_features(), 2);
+    assert!(node.check().is_ok());
+}
+
+/// The reference recipe writes its log when all images are known: every feature is in the row of the
+/// first visit, whether it was seen there or not.
+#[test]
+fn a_map_whose_features_all_come_with_the_first_visit_is_kept() {
+    let observe = |learner: &mut Learner, numbers: std::ops::Range<u64>| {
+        for number in numbers {
+            let live = features(number / 4 % 3, 40);
+            let seen = Observation {
+                place: place((number % 2) as u8),
+                session: SessionId::derive("run"),
+                time: Time::from_s(number as i64 * 3600),
+                features: &live,
+                image_size: (752, 480),
+                mask: None,
+                source: format!("{number}.png"),
+            };
+            learner.observe(&seen).expect("fits");
+        }
+        learner.snapshot().expect("in step")
+    };
+    let (_folder, path) = folder();
+    let map = Map::create(
+        &path,
+        MapMeta::new(derived_uuid("lttl"), "star+brief", "lttl"),
+    );
+    let map = map.expect("new");
+    let cfg = LearnConfig::preset(Preset::Lttl);
+    let mut learner = Learner::resume(cfg, Snapshot::clone(&map.snapshot()));
+    let learnt = observe(&mut learner, 0..8);
+    let node = &learnt.nodes[0];
+    assert_eq!(node.born_at(0), 0..node.features.len());
+    assert!(node.log.seen_row(0).count_ones() < node.features.len());
+    assert!(learnt.check().is_ok());
+    map.commit(&learnt).expect("extends");
+    let reopened = Map::open(&path).expect("is a map");
+    assert!(same(&reopened.snapshot(), &learnt));
+    let report = Map::verify(&path).expect("is a map");
+    assert!(report.is_clean(), "{:?}", report.faults);
+    assert_eq!(report.digest, Some(learnt.digest()));
+    // A later image without new features extends the map, one with new features rewrites its past.
+    let cfg = LearnConfig::preset(Preset::Lttl);
+    let mut learner = Learner::resume(cfg, Snapshot::clone(&reopened.snapshot()));
+    let more = observe(&mut learner, 12..14);
+    reopened.commit(&more).expect("extends");
+    assert!(Map::verify(&path).expect("is a map").is_clean());
+    let rewritten = observe(&mut learner, 8..10);
+    assert_ne!(rewritten.nodes[0].log.seen_row(0), node.log.seen_row(0));
+    let error = reopened.commit(&rewritten).expect_err("rewrites visit 0");
+    assert!(error.to_string().contains("visit 0 is another"), "{error}");
+    assert!(same(&reopened.snapshot(), &more));
     assert!(Map::verify(&path).expect("is a map").is_clean());
 }
 
@@ -273,6 +409,7 @@ fn two_writers_do_not_overwrite_each_other() {
         born,
         seen: vec![true],
         hidden: None,
+        located_by: vec![false],
         kept: false,
     };
     let (mut a, mut b) = (snapshot.clone(), snapshot);
@@ -315,6 +452,7 @@ fn one_thread_commits_while_others_read() {
                 born: 30,
                 seen: vec![true, false],
                 hidden: None,
+                located_by: vec![true, false],
                 kept: true,
             };
             take(&mut snapshot, number, &step);
@@ -386,6 +524,7 @@ fn after_commits(start: &Snapshot, from: u64, to: u64) -> Snapshot {
             born: 60,
             seen: vec![true, false, true],
             hidden: None,
+            located_by: vec![true, false],
             kept: true,
         };
         take(&mut snapshot, number, &step);
@@ -398,7 +537,7 @@ fn a_killed_writer_loses_nothing_it_acknowledged() {
     use std::io::{BufRead, BufReader, Write};
 
     const FILE: &str = "CHRONOTOPE_TEST_KILLED_WRITER";
-    const ROUNDS: u64 = 20;
+    const ROUNDS: u64 = 12;
     if let Some(path) = std::env::var_os(FILE) {
         // Started again below: commits until it is killed.
         let map = Map::open(path).expect("sound");
@@ -574,6 +713,7 @@ fn a_full_disk_loses_nothing() {
             born: 100,
             seen: vec![true],
             hidden: None,
+            located_by: vec![true, false],
             kept: true,
         };
         take(&mut snapshot, number, &step);
@@ -607,8 +747,9 @@ fn summary_counts_what_is_there() {
     assert_eq!((summary.num_places, summary.num_visits), (2, 6));
     assert_eq!((summary.num_features, summary.num_sessions), (18, 3));
     assert_eq!((summary.num_appearances, summary.num_experiences), (1, 0));
-    // 18 + 3 features of 48 bytes, 6 rows of seen and 1 of hidden bits.
-    assert_eq!(summary.num_bytes, 21 * 48 + 7 * 8);
+    // 18 + 3 features of 48 bytes, 6 rows of seen and 1 of hidden bits; one of the places has
+    // experiences, and for each of its 3 visits a row of their bits.
+    assert_eq!(summary.num_bytes, 21 * 48 + (7 + 3) * 8);
     assert!(summary.first < summary.last);
 }
 
@@ -665,7 +806,12 @@ fn golden() -> Snapshot {
                 [visit as usize / 3],
         };
         let is_hidden = visit.id.0 % 2 == 1;
-        node.push_visit(visit, &born, seen, is_hidden.then_some(hidden))
+        let mut located_by = node.unlocated(visit.appearance_use);
+        for i in (0..located_by.len()).filter(|i| i % 2 == 0) {
+            located_by.set(i);
+        }
+        let hidden = is_hidden.then_some(hidden);
+        node.push_visit(visit, &born, seen, hidden, located_by)
             .expect("in step");
     }
     let never_visited = snapshot.find_or_add(&keys[2]);
@@ -697,7 +843,7 @@ fn golden_map_of_format_1_still_opens() {
     let hex = |digest: [u8; 32]| digest.map(|byte| format!("{byte:02x}")).concat();
     assert_eq!(
         hex(snapshot.digest()),
-        "b7bbf5cea7009b2be9144cf9c6581d1c5e8c5a19b630885afe5c76d1a9bd6db4"
+        "53b28ba2c6d4145d992bd308e98ddbab58f879bfaf97b0137d72a8f17a61bd44"
     );
     let report = Map::verify(&path).expect("a map");
     assert!(report.is_clean(), "{:?}", report.faults);

@@ -245,7 +245,7 @@ fn door(name: &str) -> Option<(Time, Vec<bool>)> {
 }
 
 #[test]
-fn door_reproduces_the_paper_by_transform_and_by_sums() {
+fn real_data_of_a_door_gives_the_numbers_of_the_paper_by_transform_and_by_sums() {
     let (Some((start, week)), Some(day7), Some(day8)) = (door("week"), door("day7"), door("day8"))
     else {
         return;
@@ -304,7 +304,7 @@ fn door_reproduces_the_paper_by_transform_and_by_sums() {
 }
 
 #[test]
-fn door_is_compressed_as_the_paper_says() {
+fn real_data_of_a_door_are_compressed_as_the_paper_says() {
     let Some((start, week)) = door("week") else {
         return;
     };
@@ -325,7 +325,7 @@ fn door_is_compressed_as_the_paper_says() {
 }
 
 #[test]
-fn door_anomalies_are_rare_and_at_night() {
+fn real_data_of_a_door_have_anomalies_that_are_rare_and_at_night() {
     let (Some((start, week)), Some((start8, day8))) = (door("week"), door("day8")) else {
         return;
     };

@@ -6,8 +6,8 @@ use std::f64::consts::TAU;
 
 use chronotope::spectrum::CandidatePeriods;
 use chronotope::visibility::{
-    BeforeBirth, BitRow, Guards, HeldOut, HistoryLog, Observation, Order, Split, VisibilityConfig,
-    VisibilityModel, Visits, fit,
+    BeforeBirth, BitRow, Guards, HeldOut, HistoryLog, ModelConfig, Observation, Order, Split,
+    VisibilityConfig, VisibilityModel, Visits, fit,
 };
 use chronotope::{Period, Time};
 use proptest::prelude::*;
@@ -149,6 +149,38 @@ fn fitted(
     fit(log, cfg, visits).expect("one bit a visit")
 }
 
+/// Gauss-Jordan elimination of the normal equations, the first coefficient not penalised.
+fn ridge_solution(
+    rows: impl Iterator<Item = (Vec<f64>, f64)>,
+    size: usize,
+    ridge: f64,
+) -> Vec<f64> {
+    let mut matrix = vec![vec![0.0; size + 1]; size];
+    for (x, state) in rows {
+        for i in 0..size {
+            for j in 0..size {
+                matrix[i][j] += x[i] * x[j];
+            }
+            matrix[i][size] += x[i] * state;
+        }
+    }
+    for (i, row) in matrix.iter_mut().enumerate().skip(1) {
+        row[i] += ridge;
+    }
+    for i in 0..size {
+        let largest = (i..size).max_by(|&a, &b| matrix[a][i].abs().total_cmp(&matrix[b][i].abs()));
+        matrix.swap(i, largest.expect("not empty"));
+        let pivot = matrix[i].clone();
+        for (_, row) in matrix.iter_mut().enumerate().filter(|(j, _)| *j != i) {
+            let factor = row[i] / pivot[i];
+            for (value, pivot) in row.iter_mut().zip(&pivot) {
+                *value -= factor * pivot;
+            }
+        }
+    }
+    (0..size).map(|i| matrix[i][size] / matrix[i][i]).collect()
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(96))]
 
@@ -257,6 +289,46 @@ proptest! {
         let some = predict_all(&*fitted(&log, &cfg, Visits::Only(&mask)), time);
         let only = predict_all(&*fitted(&log_of(&kept), &cfg, Visits::All), time);
         prop_assert_eq!(&some[..only.len()], &only[..]);
+    }
+
+    #[test]
+    fn least_squares_from_sums_equals_least_squares_on_the_log(
+        rows in rows(),
+        before_birth in before_birth(),
+        harmonics in prop::sample::subsequence(vec![1_u16, 2, 3, 7, 11], 0..5),
+        ridge in 0.01_f64..3.0,
+        hour in 0_i64..10_000,
+    ) {
+        let log = log_of(&rows);
+        let cfg = VisibilityConfig::new(ModelConfig::LeastSquares {
+            candidates: CandidatePeriods::harmonic(Period::WEEK, 11).expect("valid"),
+            order: HeldOut::default(),
+            harmonics: Some(harmonics.clone()),
+            ridge,
+        });
+        let cfg = cfg.expect("valid").with_before_birth(before_birth);
+        let model = fitted(&log, &cfg, Visits::All);
+        let time = Time::from_us(hour * HOUR_US);
+        let row = |time| {
+            let mut row = vec![1.0];
+            for &harmonic in &harmonics {
+                let (cos, sin) = oracle_phasor(Period::WEEK.as_s() / f64::from(harmonic), time);
+                row.extend([cos, sin]);
+            }
+            row
+        };
+        for feature in 0..log.num_features() {
+            let observed = observations(&log, feature, &vec![true; log.num_visits()], before_birth);
+            let expected = if observed.is_empty() {
+                0.5
+            } else {
+                let rows = observed.iter().map(|&(time, state)| (row(time), state));
+                let solution = ridge_solution(rows, 1 + 2 * harmonics.len(), ridge);
+                row(time).iter().zip(solution).map(|(x, b)| x * b).sum()
+            };
+            let p = model.predict_one(feature, time);
+            prop_assert!((p - expected.clamp(0.0, 1.0)).abs() < 1e-5, "{} {}", p, expected);
+        }
     }
 
     #[test]

@@ -105,8 +105,8 @@ impl Patch {
             for x in 0..width {
                 let at = y * width + x;
                 let cover = blur(&weight, x, y);
-                if cover > 0 {
-                    self.value[at] = ((blur(&product, x, y) + cover / 2) / cover) as u8;
+                if let Some(value) = (blur(&product, x, y) + cover / 2).checked_div(cover) {
+                    self.value[at] = value as u8;
                 }
                 self.cover[at] = (cover / 16) as u8;
             }
@@ -241,14 +241,14 @@ pub(super) fn paint_foliage(rng: &mut Rng, width: i32, height: i32, tone: i32) -
     for _ in 0..clumps {
         let (x, y) = (rng.int(3, width - 4), rng.int(3, height - 4));
         if inside(x, y) {
-            patch.ellipse(x, y, rng.int(3, 6), rng.int(2, 5), tone + rng.int(-38, 34));
+            patch.ellipse(x, y, rng.int(3, 6), rng.int(2, 5), tone + rng.int(-20, 20));
         }
     }
     for _ in 0..clumps / 4 {
         let (x, y) = (rng.int(5, width - 6), rng.int(5, height - 6));
         if inside(x, y) {
-            let value = if rng.chance(0.45) { tone + 90 } else { 18 };
-            patch.ellipse(x, y, rng.int(2, 4), rng.int(2, 3), value);
+            let value = if rng.chance(0.6) { tone + 110 } else { 12 };
+            patch.ellipse(x, y, rng.int(2, 5), rng.int(2, 4), value);
         }
     }
     patch.soften()
@@ -262,14 +262,19 @@ pub(super) fn paint_bare_crown(rng: &mut Rng, width: i32, height: i32) -> Patch 
     for _ in 0..9 {
         let tip = (rng.int(4, width - 5), rng.int(4, height * 3 / 4));
         let knee = (
-            (root.0 + tip.0) / 2 + rng.int(-6, 6),
-            (root.1 + tip.1) / 2 + rng.int(-4, 8),
+            i32::midpoint(root.0, tip.0) + rng.int(-6, 6),
+            i32::midpoint(root.1, tip.1) + rng.int(-4, 8),
         );
         patch.line(root, knee, 2, 42);
         patch.line(knee, tip, 1, 48);
         for _ in 0..2 {
             let twig = (tip.0 + rng.int(-12, 12), tip.1 + rng.int(-12, 6));
-            patch.line(((knee.0 + tip.0) / 2, (knee.1 + tip.1) / 2), twig, 0, 55);
+            patch.line(
+                (i32::midpoint(knee.0, tip.0), i32::midpoint(knee.1, tip.1)),
+                twig,
+                0,
+                55,
+            );
         }
         tips.push(knee);
         tips.push(tip);
@@ -293,12 +298,12 @@ pub(super) fn paint_ivy(rng: &mut Rng, width: i32, height: i32) -> Patch {
     let tone = rng.int(60, 85);
     for _ in 0..width * height / 30 {
         let (x, y) = (rng.int(2, width - 3), rng.int(2, height - 3));
-        patch.ellipse(x, y, rng.int(2, 5), rng.int(2, 4), tone + rng.int(-30, 30));
+        patch.ellipse(x, y, rng.int(2, 5), rng.int(2, 4), tone + rng.int(-16, 16));
     }
-    for _ in 0..rng.int(9, 13) {
+    for _ in 0..rng.int(10, 13) {
         let (x, y) = (rng.int(5, width - 6), rng.int(5, height - 6));
-        let value = if rng.chance(0.6) { 215 } else { 15 };
-        patch.ellipse(x, y, rng.int(2, 4), rng.int(2, 4), value);
+        let value = if rng.chance(0.7) { 225 } else { 12 };
+        patch.ellipse(x, y, rng.int(2, 5), rng.int(2, 5), value);
     }
     patch.soften()
 }

@@ -188,6 +188,57 @@ enum Plan {
     Parking,
 }
 
+/// An element and its picture.
+type Look = (ElementKind, Patch);
+
+impl Plan {
+    /// When the cell is active, what it shows then and what otherwise; `None` for plans without a
+    /// rhythm.
+    fn alternation(self, w: i32, h: i32, rng: &mut Rng) -> Option<(Activity, Look, Look)> {
+        Some(match self {
+            Self::SharedWindow | Self::SharedDoor | Self::Mural => return None,
+            Self::NightWindow => (
+                daytime(rng),
+                (ElementKind::Shutters, paint::paint_shutters(rng, w, h)),
+                (ElementKind::LitWindow, paint::paint_lit_window(rng, w, h)),
+            ),
+            Self::Climbers => (
+                summer(rng),
+                (ElementKind::Ivy, paint::paint_ivy(rng, w, h)),
+                (ElementKind::Trellis, paint::paint_trellis(rng, w, h)),
+            ),
+            Self::Shop => (
+                opening_hours(rng),
+                (ElementKind::Shop, paint::paint_shop(rng, w, h)),
+                (
+                    ElementKind::RollerShutter,
+                    paint::paint_roller_shutter(rng, w, h),
+                ),
+            ),
+            Self::Door => (
+                opening_hours(rng),
+                (ElementKind::OpenDoor, paint::paint_open_door(rng, w, h)),
+                (ElementKind::ClosedDoor, paint::paint_closed_door(rng, w, h)),
+            ),
+            Self::Market => (
+                some_weekdays(rng),
+                (ElementKind::Stall, paint::paint_stall(rng, w, h)),
+                (ElementKind::Bench, paint::paint_bench(rng, w, h)),
+            ),
+            Self::Terrace => (
+                summer(rng),
+                (ElementKind::Cafe, paint::paint_cafe(rng, w, h)),
+                (ElementKind::Firewood, paint::paint_firewood(rng, w, h)),
+            ),
+            Self::Parking => (
+                daytime(rng),
+                (ElementKind::Bench, paint::paint_bench(rng, w, h)),
+                (ElementKind::Van, paint::paint_van(rng, w, h)),
+            ),
+        })
+    }
+}
+
 /// Cells between the top row and the ground, repeated in this order until all are planned, then
 /// shuffled.
 const MIDDLE: [Plan; 5] = [
@@ -212,6 +263,9 @@ const RARE: f64 = 0.30;
 
 /// Probability that somebody has drawn the blinds of a shared window, at any time.
 const BLINDS: f64 = 0.12;
+
+/// Probability that a mural is not covered by scaffolding, at any time.
+const UNCOVERED: f64 = 0.85;
 
 /// Probability of an element in its phase.
 const HIGH: f64 = 0.96;
@@ -312,133 +366,35 @@ impl Builder<'_> {
         });
     }
 
+    /// Fills one cell by plan.
     fn fill(&mut self, plan: Plan, at: (i32, i32), size: (i32, i32), rng: &mut Rng) {
         let (w, h) = size;
         let street = self.street;
-        match plan {
-            Plan::SharedWindow => {
-                let model = if rng.chance(RARE) { 3 } else { 1 };
-                let patch = paint::paint_window(&mut street.shared(model), w, h);
-                let blinds = paint::paint_blinds(&mut street.shared(5), w, h);
-                self.add(
-                    ElementKind::Window,
-                    at,
-                    true,
-                    Rhythm::constant(1.0 - BLINDS),
-                    patch,
-                );
-                self.add(
-                    ElementKind::Blinds,
-                    at,
-                    true,
-                    Rhythm::constant(BLINDS),
-                    blinds,
-                );
-            }
-            Plan::SharedDoor => {
-                let patch = paint::paint_closed_door(&mut street.shared(2), w, h);
-                self.add(
-                    ElementKind::ClosedDoor,
-                    at,
-                    true,
-                    Rhythm::constant(0.97),
-                    patch,
-                );
-            }
-            Plan::Mural => {
-                let patch = paint::paint_mural(rng, w, h);
-                self.add(ElementKind::Mural, at, false, Rhythm::constant(0.85), patch);
-            }
-            Plan::NightWindow => {
-                let activity = daytime(rng);
-                let day = paint::paint_shutters(rng, w, h);
-                let night = paint::paint_lit_window(rng, w, h);
-                self.pair(
-                    activity,
-                    at,
-                    (ElementKind::Shutters, day),
-                    (ElementKind::LitWindow, night),
-                );
-            }
-            Plan::Climbers => {
-                let activity = summer(rng);
-                let summer = paint::paint_ivy(rng, w, h);
-                let winter = paint::paint_trellis(rng, w, h);
-                self.pair(
-                    activity,
-                    at,
-                    (ElementKind::Ivy, summer),
-                    (ElementKind::Trellis, winter),
-                );
-            }
-            Plan::Shop => {
-                let activity = opening_hours(rng);
-                let open = paint::paint_shop(rng, w, h);
-                let closed = paint::paint_roller_shutter(rng, w, h);
-                self.pair(
-                    activity,
-                    at,
-                    (ElementKind::Shop, open),
-                    (ElementKind::RollerShutter, closed),
-                );
-            }
-            Plan::Door => {
-                let activity = opening_hours(rng);
-                let open = paint::paint_open_door(rng, w, h);
-                let closed = paint::paint_closed_door(rng, w, h);
-                self.pair(
-                    activity,
-                    at,
-                    (ElementKind::OpenDoor, open),
-                    (ElementKind::ClosedDoor, closed),
-                );
-            }
-            Plan::Market => {
-                let activity = some_weekdays(rng);
-                let stall = paint::paint_stall(rng, w, h);
-                let bench = paint::paint_bench(rng, w, h);
-                self.pair(
-                    activity,
-                    at,
-                    (ElementKind::Stall, stall),
-                    (ElementKind::Bench, bench),
-                );
-            }
-            Plan::Terrace => {
-                let activity = summer(rng);
-                let cafe = paint::paint_cafe(rng, w, h);
-                let wood = paint::paint_firewood(rng, w, h);
-                self.pair(
-                    activity,
-                    at,
-                    (ElementKind::Cafe, cafe),
-                    (ElementKind::Firewood, wood),
-                );
-            }
-            Plan::Parking => {
-                let activity = daytime(rng);
-                let bench = paint::paint_bench(rng, w, h);
-                let van = paint::paint_van(rng, w, h);
-                self.pair(
-                    activity,
-                    at,
-                    (ElementKind::Bench, bench),
-                    (ElementKind::Van, van),
-                );
-            }
+        if let Some((activity, active, inactive)) = plan.alternation(w, h, rng) {
+            self.pair(activity, at, active, inactive);
+        } else if plan == Plan::SharedWindow {
+            let model = if rng.chance(RARE) { 3 } else { 1 };
+            let open = paint::paint_window(&mut street.shared(model), w, h);
+            let drawn = paint::paint_blinds(&mut street.shared(5), w, h);
+            let rhythm = Rhythm::constant(1.0 - BLINDS);
+            self.add(ElementKind::Window, at, true, rhythm, open);
+            let rhythm = Rhythm::constant(BLINDS);
+            self.add(ElementKind::Blinds, at, true, rhythm, drawn);
+        } else if plan == Plan::SharedDoor {
+            let door = paint::paint_closed_door(&mut street.shared(2), w, h);
+            let rhythm = Rhythm::constant(0.97);
+            self.add(ElementKind::ClosedDoor, at, true, rhythm, door);
+        } else {
+            let mural = paint::paint_mural(rng, w, h);
+            let rhythm = Rhythm::constant(UNCOVERED);
+            self.add(ElementKind::Mural, at, false, rhythm, mural);
         }
         self.cell += 1;
     }
 
     /// Adds an element that shows while active and its counterpart that shows while not. Seasons make
     /// no exceptions, people do.
-    fn pair(
-        &mut self,
-        activity: Activity,
-        at: (i32, i32),
-        active: (ElementKind, Patch),
-        inactive: (ElementKind, Patch),
-    ) {
+    fn pair(&mut self, activity: Activity, at: (i32, i32), active: Look, inactive: Look) {
         let low = if activity.year.is_some() { 0.0 } else { LOW };
         self.add(
             active.0,

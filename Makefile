@@ -1,0 +1,19 @@
+# The commands of this repository; `make help` lists them. CI runs `make test` and nothing else.
+.DEFAULT_GOAL := help
+.PHONY: help demo test parity bench
+
+help: ## Show this list
+	@sed -n 's/^\([a-z]*\):.*## /  make \1|/p' Makefile | awk -F'|' '{ printf "%-28s %s\n", $$1, $$2 }'
+
+demo: ## Learn a rendered year, localise the next one, write target/demo/report.html
+	@bash scripts/demo.sh
+
+test: ## Everything CI runs; CHRONOTOPE_DATA=DIR adds the tests on real data
+	@bash scripts/test.sh
+
+parity: ## With DATA=DIR: our STAR and BRIEF against OpenCV's on every image of a folder
+	@test -n "$(DATA)" || { echo 'name the folder of images: make parity DATA=DIR' >&2; exit 2; }
+	@sh scripts/parity.sh "$(DATA)"
+
+bench: ## Benchmarks of feature extraction and matching
+	cargo bench -p chronotope

@@ -1,0 +1,61 @@
+#!/usr/bin/env bash
+# Everything that CI runs. One profile and one set of features for all tests, so that dependencies are
+# compiled once: `dev` with the feature `opencv`.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+. scripts/system_packages.sh
+
+need_rust
+need_c_compiler
+need_opencv
+
+log=${CARGO_TARGET_DIR:-target}/test.log
+mkdir -p "$(dirname "$log")"
+
+# Kernels that this processor can run, as src/simd finds out; the name is that of CHRONOTOPE_KERNEL.
+kernels() {
+    echo scalar
+    case $(uname -m) in
+    x86_64)
+        grep -qw avx2 /proc/cpuinfo && echo avx2
+        grep -qw avx512f /proc/cpuinfo && grep -qw avx512_vpopcntdq /proc/cpuinfo && echo avx512
+        ;;
+    aarch64) echo neon ;;
+    esac
+    true
+}
+
+say "scripts"
+for script in .ci/run scripts/*.sh; do bash -n "$script"; done
+
+say "cargo fmt"
+cargo fmt --all --check
+
+say "clippy: workspace with opencv"
+cargo clippy --locked --workspace --all-targets --features opencv -- -D warnings
+
+say "feature matrix: without default features, default, opencv alone"
+cargo clippy --locked -p chronotope --lib --no-default-features -- -D warnings
+cargo clippy --locked -p chronotope --lib --bins -- -D warnings
+cargo clippy --locked -p chronotope --lib --no-default-features --features opencv -- -D warnings
+
+say "rustdoc"
+RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --lib --features opencv
+
+say "tests: workspace with opencv, and doctests"
+cargo test --locked --workspace --features opencv </dev/null 2>&1 | tee "$log"
+
+for kernel in $(kernels); do
+    say "tests of matching and localising with kernel $kernel"
+    CHRONOTOPE_KERNEL=$kernel cargo test --locked --workspace --features opencv --lib --test it \
+        -- simd matching localize learn </dev/null
+done
+
+say "done"
+# tests/it/architecture.rs sees to it that tests on real data, and no others, have such names.
+num_real=$(grep -cE '^test (.*::)?real_data_.* \.\.\. ok$' "$log" || true)
+if [ -n "${CHRONOTOPE_DATA:-}" ]; then
+    echo "real data: $num_real tests ran on $CHRONOTOPE_DATA"
+else
+    echo "real data: 0 tests ran, $num_real skipped; CHRONOTOPE_DATA=DIR make test runs them"
+fi

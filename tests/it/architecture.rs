@@ -1,0 +1,556 @@
+//! Are the rooms of `src/` in order, and do the written rules hold?
+//!
+//! The sources are read as text: comments and strings are blanked out, test code is taken out, and what
+//! is left is searched for the paths that lead from one room to another. That needs no compiler and
+//! finds `use` lines as well as paths inside functions.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The rooms with their numbers: a room may name rooms with a smaller number only.
+const ROOMS: [(&str, u32); 14] = [
+    ("error", 0),
+    ("time", 1),
+    ("simd", 1),
+    ("feature", 2),
+    ("spectrum", 2),
+    ("visibility", 3),
+    ("matching", 3),
+    ("map", 4),
+    ("predict", 5),
+    ("localize", 6),
+    ("learn", 7),
+    ("dataset", 8),
+    ("cli", 9),
+    // The list of rooms, which names them all.
+    ("lib", 10),
+];
+
+/// What `lib.rs` gives out under a shorter name, with the room it comes from.
+const SHORT_NAMES: [(&str, &str); 5] = [
+    ("Error", "error"),
+    ("ErrorKind", "error"),
+    ("Result", "error"),
+    ("Period", "time"),
+    ("Time", "time"),
+];
+
+/// Who must not name whom, whatever their numbers: vision knows nothing of time, time knows nothing of
+/// pixels.
+const STRANGERS: [(&[&str], &[&str]); 2] = [
+    (
+        &["feature", "matching"],
+        &["time", "spectrum", "visibility"],
+    ),
+    (&["spectrum", "visibility"], &["feature"]),
+];
+
+/// Where `unsafe` may stand.
+const UNSAFE_ROOM: &str = "src/simd/";
+
+#[test]
+fn rooms_name_only_rooms_below_them() {
+    let mut found = Vec::new();
+    let mut num_paths = 0;
+    for (path, source) in library() {
+        let (named, violations) = judge(&path, &source);
+        num_paths += named;
+        found.extend(violations);
+    }
+    assert!(num_paths > 50, "the reader found only {num_paths} paths");
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+#[test]
+fn every_room_is_listed() {
+    let mut found: BTreeSet<String> = BTreeSet::new();
+    for (path, _) in library() {
+        found.insert(room(&path).to_owned());
+    }
+    found.remove("main");
+    let listed: BTreeSet<String> = ROOMS.map(|(name, _)| name.to_owned()).into();
+    assert_eq!(found, listed);
+}
+
+#[test]
+fn a_forbidden_path_is_found() {
+    let violations = |path: &str, source: &str| judge(path, source).1.len();
+    // The order of rooms.
+    assert_eq!(
+        violations("src/map/types.rs", "use crate::learn::Learner;"),
+        1
+    );
+    assert_eq!(violations("src/learn/mod.rs", "use crate::map::Map;"), 0);
+    assert_eq!(violations("src/simd/mod.rs", "use crate::time::Time;"), 1);
+    assert_eq!(violations("src/simd/avx2.rs", "use crate::simd::Bits;"), 0);
+    // Not only in `use` lines, not only one at a time, not only by `crate`.
+    assert_eq!(
+        violations("src/map/mod.rs", "fn f() { crate::learn::g(); }"),
+        1
+    );
+    assert_eq!(
+        violations(
+            "src/map/mod.rs",
+            "use crate::{\n    learn::{Learner, Learnt},\n    localize, time::Time,\n};"
+        ),
+        2
+    );
+    assert_eq!(
+        violations("src/map/mod.rs", "use super::learn::Learner;"),
+        1
+    );
+    assert_eq!(violations("src/map/types.rs", "use super::learn::x;"), 0);
+    assert_eq!(
+        violations("src/map/types.rs", "use super::super::learn::Learner;"),
+        1
+    );
+    assert_eq!(violations("src/map/mod.rs", "use crate::helpers::x;"), 1);
+    // The two sentences.
+    assert_eq!(violations("src/feature/mod.rs", "use crate::Time;"), 1);
+    assert_eq!(violations("src/feature/mod.rs", "use crate::Error;"), 0);
+    assert_eq!(
+        violations("src/matching/mod.rs", "use crate::spectrum::x;"),
+        1
+    );
+    assert_eq!(
+        violations("src/visibility/mod.rs", "use crate::feature::x;"),
+        1
+    );
+    // What does not count.
+    assert_eq!(
+        violations(
+            "src/map/mod.rs",
+            "//! [`x`](crate::learn)\nconst A: &str = \"crate::learn \\\" \"; /* crate::learn */"
+        ),
+        0
+    );
+    assert_eq!(
+        violations(
+            "src/map/mod.rs",
+            "#[cfg(test)]\nmod tests {\n    use crate::learn::x;\n    fn f() { {} }\n}\n"
+        ),
+        0
+    );
+    // After a test module, the file goes on; a character is no string and a lifetime no character.
+    assert_eq!(
+        violations(
+            "src/map/mod.rs",
+            "#[cfg(test)]\nmod tests { const A: char = '}'; }\nuse crate::learn::x;"
+        ),
+        1
+    );
+    assert_eq!(
+        violations(
+            "src/map/mod.rs",
+            "const Q: char = '\"'; use crate::learn::x;"
+        ),
+        1
+    );
+    assert_eq!(
+        violations(
+            "src/map/mod.rs",
+            "fn f<'a>(x: &'a str) { crate::learn::y(x) }"
+        ),
+        1
+    );
+    assert_eq!(
+        violations("src/map/mod.rs", "const R: &str = r#\"crate::learn \" \"#;"),
+        0
+    );
+}
+
+#[test]
+fn unsafe_code_stands_in_simd_only() {
+    let mut num_inside = 0;
+    for (path, source) in library().into_iter().chain(rust_files("eval/src")) {
+        let num_unsafe = words(&blank(&source))
+            .filter(|word| *word == "unsafe" || *word == "unsafe_code")
+            .count();
+        if path.starts_with(UNSAFE_ROOM) {
+            num_inside += num_unsafe;
+        } else {
+            assert_eq!(num_unsafe, 0, "{path} has `unsafe`");
+        }
+    }
+    assert!(num_inside > 0, "the reader finds no `unsafe` at all");
+}
+
+#[test]
+fn every_file_says_first_what_it_is_for() {
+    let mut found = Vec::new();
+    for folder in ["src", "eval/src", "tests", "benches", "examples"] {
+        for (path, source) in rust_files(folder) {
+            let paragraph: Vec<&str> = (source.lines())
+                .map_while(|line| line.strip_prefix("//! "))
+                .collect();
+            let paragraph = paragraph.join(" ");
+            if !(paragraph.contains('?') || paragraph.trim_end().ends_with(['.', ':'])) {
+                found.push(format!(
+                    "{path}: the first line is no `//!` question or statement"
+                ));
+            }
+        }
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+#[test]
+fn every_lint_that_is_switched_off_says_why() {
+    let mut found = Vec::new();
+    for folder in ["src", "eval", "tests", "benches", "examples"] {
+        for (path, source) in rust_files(folder) {
+            let lines: Vec<&str> = source.lines().collect();
+            for (at, line) in lines.iter().enumerate() {
+                let line = line.trim_start();
+                let switched = ["#[allow(", "#![allow(", "#[expect(", "#![expect("]
+                    .iter()
+                    .any(|attribute| line.starts_with(attribute));
+                let near = &lines[at..lines.len().min(at + 4)];
+                if switched && !near.iter().any(|line| line.contains("reason")) {
+                    found.push(format!("{path}: line {}: no reason", at + 1));
+                }
+            }
+        }
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+/// `make test` counts the tests that ran on real data by their names.
+#[test]
+fn tests_on_real_data_say_so_in_their_names() {
+    let mut found = Vec::new();
+    for (path, source) in rust_files("tests/it")
+        .into_iter()
+        .chain(rust_files("eval/tests"))
+    {
+        if path.ends_with("/architecture.rs") {
+            continue;
+        }
+        found.extend(misnamed(&source).map(|name| format!("{path}: {name}")));
+    }
+    assert!(
+        found.is_empty(),
+        "tests read CHRONOTOPE_DATA if and only if their names begin with `real_data_`:\n{}",
+        found.join("\n")
+    );
+}
+
+#[test]
+fn a_misnamed_test_on_real_data_is_found() {
+    let source = "fn root() -> Option<PathBuf> {\n    var(\"CHRONOTOPE_DATA\")\n}\n\n\
+                  fn door() {\n    root();\n}\n\n\
+                  #[test]\nfn real_data_door() {\n    door();\n}\n\n\
+                  #[test]\nfn hidden() {\n    door();\n}\n\n\
+                  #[test]\nfn real_data_only_by_name() {\n    window();\n}\n\n\
+                  #[test]\nfn plain() {\n    window();\n}\n";
+    let found: Vec<String> = misnamed(source).collect();
+    assert_eq!(found, ["hidden", "real_data_only_by_name"]);
+}
+
+/// How many rooms a file names, and a line for each that it must not name.
+fn judge(path: &str, source: &str) -> (usize, Vec<String>) {
+    let numbers: BTreeMap<&str, u32> = ROOMS.into();
+    let own = room(path);
+    let mut violations = Vec::new();
+    let code = without_tests(&blank(source));
+    let paths = named_rooms(&code, depth(path));
+    for name in &paths {
+        let short = SHORT_NAMES.iter().find(|(short, _)| short == name);
+        let target = short.map_or(name.as_str(), |(_, room)| room);
+        let Some(number) = numbers.get(target) else {
+            violations.push(format!("{path} names `crate::{name}`, which is no room"));
+            continue;
+        };
+        // A file of one room names its own room freely; the command's `main` only calls it.
+        let own_number = numbers.get(own).copied().unwrap_or(u32::MAX);
+        let strange = STRANGERS
+            .iter()
+            .any(|(who, whom)| who.contains(&own) && whom.contains(&target));
+        if target != own && (*number >= own_number || strange) {
+            violations.push(format!(
+                "{path}: room `{own}` must not name room `{target}`"
+            ));
+        }
+    }
+    (paths.len(), violations)
+}
+
+/// The room that a file of `src/` belongs to.
+fn room(path: &str) -> &str {
+    let inside = path.strip_prefix("src/").unwrap_or(path);
+    let end = inside.find('/').unwrap_or(inside.len());
+    inside[..end].trim_end_matches(".rs")
+}
+
+/// How many `super` lead from a file's module to the crate's root.
+fn depth(path: &str) -> usize {
+    let inside = path.strip_prefix("src/").unwrap_or(path);
+    let parts = inside.split('/').count();
+    let is_root = matches!(inside, "lib.rs" | "main.rs");
+    parts - usize::from(inside.ends_with("/mod.rs") || is_root)
+}
+
+/// The first names of all paths from the crate's root.
+fn named_rooms(code: &str, depth: usize) -> Vec<String> {
+    let mut names = Vec::new();
+    let bytes = code.as_bytes();
+    let mut at = 0;
+    while at < code.len() {
+        let starts_word = matches!(bytes[at], b'c' | b's') && (at == 0 || !is_word(bytes[at - 1]));
+        let Some(mut end) = starts_word.then(|| from_root(code, at, depth)).flatten() else {
+            at += 1;
+            continue;
+        };
+        if bytes.get(end) == Some(&b'{') {
+            // A group: the first word of each of its members.
+            let close = matching_brace(code, end);
+            let (mut level, mut fresh) = (0, true);
+            while end < close {
+                match bytes[end] {
+                    b'{' => level += 1,
+                    b'}' => level -= 1,
+                    b',' if level == 1 => fresh = true,
+                    byte if is_word(byte) && level == 1 && fresh => {
+                        let word = word_at(code, end);
+                        names.push(word.to_owned());
+                        fresh = false;
+                        end += word.len() - 1;
+                    }
+                    _ => {}
+                }
+                end += 1;
+            }
+        } else {
+            names.push(word_at(code, end).to_owned());
+        }
+        at = end + 1;
+    }
+    names.retain(|name| !name.is_empty());
+    names
+}
+
+/// Behind `crate::`, or behind as many `super::` as lead to the crate's root, if they start at `at`.
+fn from_root(code: &str, at: usize, depth: usize) -> Option<usize> {
+    let rest = &code[at..];
+    if rest.starts_with("crate::") {
+        return Some(at + "crate::".len());
+    }
+    let supers = "super::".repeat(depth);
+    (depth > 0 && rest.starts_with(&supers) && !rest[supers.len()..].starts_with("super::"))
+        .then_some(at + supers.len())
+}
+
+/// The code without what is compiled for tests only.
+fn without_tests(code: &str) -> String {
+    let mut out = String::new();
+    let mut rest = code;
+    while let Some(start) = rest.find("#[cfg(test)]") {
+        out.push_str(&rest[..start]);
+        let item = &rest[start..];
+        let brace = item.find('{').unwrap_or(item.len());
+        let end = match item.find(';') {
+            Some(semicolon) if semicolon < brace => semicolon,
+            _ => matching_brace(item, brace),
+        };
+        rest = item.get(end + 1..).unwrap_or("");
+    }
+    out.push_str(rest);
+    out
+}
+
+/// The position of the brace that closes the one at `open`.
+fn matching_brace(code: &str, open: usize) -> usize {
+    let mut level = 0;
+    for (at, byte) in code.bytes().enumerate().skip(open) {
+        match byte {
+            b'{' => level += 1,
+            b'}' => level -= 1,
+            _ => {}
+        }
+        if level == 0 {
+            return at;
+        }
+    }
+    code.len()
+}
+
+/// The same text with comments, strings and characters made blank, line for line.
+fn blank(source: &str) -> String {
+    let mut out = String::with_capacity(source.len());
+    let mut rest = source;
+    while let Some(first) = rest.chars().next() {
+        // The `r` of `for` starts no raw string.
+        let ends_word = first == 'r' && out.bytes().last().is_some_and(is_word);
+        let len = if ends_word { 0 } else { opaque_len(rest) };
+        if len == 0 {
+            // Everything but ASCII can only stand in names that are not searched for.
+            out.push(if first.is_ascii() { first } else { '_' });
+            rest = &rest[first.len_utf8()..];
+            continue;
+        }
+        let opaque = &rest[..len];
+        out.extend(opaque.chars().map(|c| if c == '\n' { '\n' } else { ' ' }));
+        rest = &rest[len..];
+    }
+    out
+}
+
+/// Bytes of the comment, string or character that `text` starts with; 0 if it starts with code.
+fn opaque_len(text: &str) -> usize {
+    let until = |end: &str, from: usize| {
+        text[from..]
+            .find(end)
+            .map_or(text.len(), |at| from + at + end.len())
+    };
+    let quoted = |quote: u8| {
+        let bytes = text.as_bytes();
+        let mut at = 1;
+        while at < bytes.len() && bytes[at] != quote {
+            at += if bytes[at] == b'\\' { 2 } else { 1 };
+        }
+        (at + 1).min(bytes.len())
+    };
+    if text.starts_with("//") {
+        return text.find('\n').unwrap_or(text.len());
+    }
+    if text.starts_with("/*") {
+        return until("*/", 2);
+    }
+    if text.starts_with('"') {
+        return quoted(b'"');
+    }
+    if let Some(raw) = text.strip_prefix('r') {
+        let hashes = raw.bytes().take_while(|&byte| byte == b'#').count();
+        if raw[hashes..].starts_with('"') {
+            return until(&format!("\"{}", "#".repeat(hashes)), hashes + 2);
+        }
+    }
+    if let Some(character) = text.strip_prefix('\'') {
+        let mut chars = character.chars();
+        let escaped = chars.next() == Some('\\');
+        // `'a` without a closing quote is a lifetime.
+        if escaped || chars.next() == Some('\'') {
+            return quoted(b'\'');
+        }
+    }
+    0
+}
+
+/// The tests of a file that use the real data without saying so, or say so without using them.
+fn misnamed(source: &str) -> impl Iterator<Item = String> {
+    let functions = functions(source);
+    let mut reading: BTreeSet<&str> = BTreeSet::new();
+    loop {
+        let before = reading.len();
+        for function in &functions {
+            let body = blank(function.body);
+            let calls = words(&body).any(|word| word != function.name && reading.contains(word));
+            if calls || function.body.contains("\"CHRONOTOPE_DATA\"") {
+                reading.insert(function.name);
+            }
+        }
+        if reading.len() == before {
+            break;
+        }
+    }
+    let found: Vec<String> = (functions.iter())
+        .filter(|function| function.is_test)
+        .map(|function| function.name)
+        .filter(|name| name.starts_with("real_data_") != reading.contains(name))
+        .map(ToOwned::to_owned)
+        .collect();
+    found.into_iter()
+}
+
+struct Function<'a> {
+    name: &'a str,
+    is_test: bool,
+    body: &'a str,
+}
+
+/// The functions that start and end at the beginning of a line, as rustfmt leaves them.
+fn functions(source: &str) -> Vec<Function<'_>> {
+    let mut functions = Vec::new();
+    for (start, _) in source
+        .match_indices("\nfn ")
+        .chain(source.match_indices("\npub fn "))
+    {
+        let head = &source[start + 1..];
+        let name_at = head.find("fn ").unwrap_or(0) + 3;
+        let end = head.find("\n}").unwrap_or(head.len());
+        functions.push(Function {
+            name: word_at(head, name_at),
+            is_test: source[..start].ends_with("#[test]"),
+            body: &head[..end],
+        });
+    }
+    if let Some(head) = source.strip_prefix("fn ") {
+        functions.push(Function {
+            name: word_at(head, 0),
+            is_test: false,
+            body: &head[..head.find("\n}").unwrap_or(head.len())],
+        });
+    }
+    functions
+}
+
+fn words(code: &str) -> impl Iterator<Item = &str> {
+    code.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_'))
+        .filter(|word| !word.is_empty())
+}
+
+fn word_at(code: &str, at: usize) -> &str {
+    let rest = &code[at..];
+    let end = rest.bytes().position(|byte| !is_word(byte));
+    &rest[..end.unwrap_or(rest.len())]
+}
+
+fn is_word(byte: u8) -> bool {
+    byte.is_ascii_alphanumeric() || byte == b'_'
+}
+
+/// The files of `src/` that are compiled outside of tests.
+fn library() -> Vec<(String, String)> {
+    let mut files = rust_files("src");
+    let mut test_files = BTreeSet::new();
+    for (path, source) in &files {
+        let code = blank(source);
+        for (at, attribute) in code.match_indices("#[cfg(test)]") {
+            let item = code[at + attribute.len()..].trim_start();
+            if let Some(name) = item.strip_prefix("mod ").and_then(|m| m.split_once(';'))
+                && words(name.0).count() == 1
+                && !name.0.contains('{')
+            {
+                let folder = Path::new(path).parent().unwrap_or(Path::new(""));
+                test_files.insert(folder.join(format!("{}.rs", name.0.trim())));
+            }
+        }
+    }
+    files.retain(|(path, _)| !test_files.contains(Path::new(path)));
+    files
+}
+
+/// Every Rust file below a folder of the repository: its path from there, and its text.
+fn rust_files(folder: &str) -> Vec<(String, String)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut files = Vec::new();
+    let mut folders = vec![root.join(folder)];
+    while let Some(folder) = folders.pop() {
+        let Ok(entries) = fs::read_dir(&folder) else {
+            // A published package has no `eval`.
+            continue;
+        };
+        for entry in entries {
+            let path: PathBuf = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                let name = path.strip_prefix(root).unwrap().to_str().unwrap();
+                files.push((name.replace('\\', "/"), fs::read_to_string(&path).unwrap()));
+            }
+        }
+    }
+    files.sort_unstable();
+    files
+}

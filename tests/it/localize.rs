@@ -1,0 +1,370 @@
+//! Learning and localising end to end on a small synthetic world.
+
+use std::sync::{Arc, OnceLock};
+
+use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
+use chronotope::dataset::{Dataset, Entry};
+use chronotope::feature::{Extractor, Features, StarBrief};
+use chronotope::learn::{KeepAppearances, LearnConfig, Learner, Observation};
+use chronotope::localize::{
+    Decision, Localization, Localizer, LocalizerConfig, Method, Preset, Query, Score, Scratch,
+    Sweep,
+};
+use chronotope::map::{AppearanceUse, Map, MapMeta, SessionId, Snapshot};
+use chronotope::predict::Selection;
+use chronotope::{ErrorKind, Time};
+
+const SIZE: (u32, u32) = (448, 320);
+
+struct Seen {
+    entry: Entry,
+    features: Features,
+}
+
+/// Four places, ten rounds to learn, three to ask about.
+struct Street {
+    learn: Vec<Seen>,
+    query: Vec<Seen>,
+}
+
+fn street() -> &'static Street {
+    static STREET: OnceLock<Street> = OnceLock::new();
+    STREET.get_or_init(|| {
+        let world = World::new(&WorldConfig::new(4711).num_places(4)).expect("valid");
+        let schedule = Schedule::standard(4711, 10, 3);
+        let extractor = StarBrief::default();
+        let see = |dataset: Dataset| {
+            (dataset.entries.into_iter())
+                .map(|entry| {
+                    let image = entry.source.load().expect("renders");
+                    assert_eq!((image.width() as u32, image.height() as u32), SIZE);
+                    let features = extractor.extract(&image, None).expect("extracts");
+                    Seen { entry, features }
+                })
+                .collect()
+        };
+        Street {
+            learn: see(world.dataset("learn", &schedule.learn)),
+            query: see(world.dataset("query", &schedule.query)),
+        }
+    })
+}
+
+fn observation(seen: &Seen) -> Observation<'_> {
+    Observation {
+        place: seen.entry.place.clone(),
+        session: SessionId::derive("test"),
+        time: seen.entry.time,
+        features: &seen.features,
+        image_size: SIZE,
+        mask: None,
+        source: seen.entry.id.clone(),
+    }
+}
+
+fn learner(preset: Preset, keep: KeepAppearances) -> Learner {
+    let cfg = LearnConfig::preset(preset).with_keep_appearances(keep);
+    let mut learner = Learner::new(cfg, MapMeta::new(7, "star-brief", preset.name()));
+    for seen in &street().learn {
+        learner.observe(&observation(seen)).expect("learns");
+    }
+    learner
+}
+
+fn snapshot(preset: Preset) -> Arc<Snapshot> {
+    static LTTL: OnceLock<Arc<Snapshot>> = OnceLock::new();
+    static DEFAULT: OnceLock<Arc<Snapshot>> = OnceLock::new();
+    let known = match preset {
+        Preset::Lttl => &LTTL,
+        Preset::Default => &DEFAULT,
+    };
+    Arc::clone(known.get_or_init(|| {
+        learner(preset, KeepAppearances::All)
+            .snapshot()
+            .expect("fits together")
+    }))
+}
+
+fn localizer(preset: Preset, method: Method) -> Localizer {
+    let cfg = LocalizerConfig::preset(preset).with_method(method);
+    Localizer::new(snapshot(preset), cfg).expect("map fits")
+}
+
+fn query(seen: &Seen) -> Query<'_> {
+    Query {
+        features: &seen.features,
+        time: Some(seen.entry.time),
+        image_size: Some(SIZE),
+    }
+}
+
+fn is_right(localizer: &Localizer, seen: &Seen, found: &Localization) -> bool {
+    found
+        .first()
+        .is_some_and(|first| localizer.snapshot().node(first.node).key == seen.entry.place)
+}
+
+#[test]
+fn every_method_finds_most_places() {
+    for preset in Preset::ALL {
+        for method in Method::ALL {
+            let localizer =
+                localizer(preset, method).with_selection(Selection::top(300).expect("positive"));
+            let mut scratch = localizer.scratch();
+            let right = (street().query.iter())
+                .filter(|seen| {
+                    let found = localizer
+                        .localize(&mut scratch, &query(seen))
+                        .expect("fits");
+                    is_right(&localizer, seen, &found)
+                })
+                .count();
+            let all = street().query.len();
+            assert!(right * 3 >= all * 2, "{preset} {method}: {right} of {all}");
+        }
+    }
+}
+
+#[test]
+fn a_sweep_says_what_single_localisations_say() {
+    let sizes = [1, 5, 20, 50, 1000];
+    for preset in Preset::ALL {
+        let mut sweep = Sweep::new(&sizes).expect("ascending");
+        for seen in street().query.iter().take(4) {
+            sweep.restart();
+            for method in Method::ALL {
+                let mut localizer = localizer(preset, method);
+                let mut scratch = Scratch::default();
+                localizer
+                    .sweep(&mut scratch, &query(seen), &mut sweep)
+                    .expect("fits");
+                for (size, &n) in sizes.iter().enumerate() {
+                    localizer = localizer.with_selection(Selection::Top(n));
+                    let found = localizer
+                        .localize(&mut scratch, &query(seen))
+                        .expect("fits");
+                    assert_eq!(found.pairs_compared, sweep.pairs_compared()[size]);
+                    for candidate in &found.ranking {
+                        let tally = sweep.tally(candidate.node, size);
+                        let score = localizer.cfg().score();
+                        assert_eq!(candidate.score, tally.of(score), "{preset} {method} {n}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_answer_does_not_depend_on_what_was_asked_before() {
+    let localizer = localizer(Preset::Default, Method::Fremen);
+    let mut scratch = localizer.scratch();
+    let mut used = Localization::default();
+    for seen in &street().query {
+        localizer
+            .localize_into(&mut scratch, &query(seen), &mut used)
+            .expect("fits");
+        let fresh = localizer
+            .localize(&mut localizer.scratch(), &query(seen))
+            .expect("fits");
+        assert_eq!(used, fresh);
+    }
+}
+
+#[test]
+fn evidence_adds_up() {
+    for method in [Method::Fremen, Method::Experience] {
+        let localizer = localizer(Preset::Default, method);
+        for seen in &street().query {
+            let found = localizer
+                .localize(&mut localizer.scratch(), &query(seen))
+                .expect("fits");
+            let shares: f64 = found.ranking.iter().map(|c| c.posterior).sum();
+            assert!((shares + found.elsewhere - 1.0).abs() < 1e-12);
+            assert!(found.ranking.is_sorted_by(|a, b| a.score >= b.score));
+            for candidate in &found.ranking {
+                assert_eq!(candidate.num_matches as usize, candidate.matches.len());
+                let inliers = candidate.matches.iter().filter(|pair| pair.inlier).count();
+                assert_eq!(candidate.num_inliers as usize, inliers);
+                assert_eq!(candidate.score, candidate.num_inliers);
+                let mut live: Vec<u32> = candidate.matches.iter().map(|pair| pair.live).collect();
+                live.sort_unstable();
+                live.dedup();
+                assert_eq!(
+                    live.len(),
+                    candidate.matches.len(),
+                    "one live feature, one use"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn an_image_of_nothing_is_unknown() {
+    for method in Method::ALL {
+        let localizer = localizer(Preset::Default, method);
+        let nothing = Features::new();
+        let query = Query {
+            features: &nothing,
+            time: Some(Time::from_s(1_700_000_000)),
+            image_size: Some(SIZE),
+        };
+        let found = localizer
+            .localize(&mut localizer.scratch(), &query)
+            .expect("an answer");
+        assert_eq!(found.decision, Decision::Unknown, "{method}");
+        assert_eq!(found.tied, localizer.snapshot().nodes.len());
+    }
+}
+
+#[test]
+fn queries_that_do_not_fit_are_refused_with_a_remedy() {
+    let seen = &street().query[0];
+    let fremen = localizer(Preset::Default, Method::Fremen);
+    let without_time = Query {
+        time: None,
+        ..query(seen)
+    };
+    let error = fremen
+        .localize(&mut fremen.scratch(), &without_time)
+        .expect_err("needs a time");
+    assert_eq!(error.kind(), ErrorKind::Time);
+    assert!(error.to_string().contains("help:"), "{error}");
+    let fixed = localizer(Preset::Default, Method::Static);
+    fixed
+        .localize(&mut fixed.scratch(), &without_time)
+        .expect("needs no time");
+
+    let small = Query {
+        image_size: Some((100, 100)),
+        ..query(seen)
+    };
+    let error = fremen
+        .localize(&mut fremen.scratch(), &small)
+        .expect_err("another size");
+    assert_eq!(error.kind(), ErrorKind::Shape);
+
+    let empty = Arc::new(Snapshot::empty(MapMeta::new(7, "star-brief", "default")));
+    let error = Localizer::new(empty, LocalizerConfig::default()).expect_err("no places");
+    assert!(error.to_string().contains("no places"), "{error}");
+
+    let forgetful = learner(Preset::Default, KeepAppearances::None)
+        .snapshot()
+        .expect("fits together");
+    let cfg = LocalizerConfig::default().with_method(Method::Experience);
+    let error = Localizer::new(forgetful, cfg).expect_err("nothing kept");
+    assert!(error.to_string().contains("keep-appearances"), "{error}");
+}
+
+#[test]
+fn any_time_has_an_answer() {
+    let localizer = localizer(Preset::Default, Method::Fremen);
+    for us in [i64::MIN, -1, 0, i64::MAX] {
+        let query = Query {
+            time: Some(Time::from_us(us)),
+            ..query(&street().query[0])
+        };
+        let found = localizer
+            .localize(&mut localizer.scratch(), &query)
+            .expect("an answer");
+        for p in found.ranking.iter().flat_map(|c| &c.probabilities) {
+            assert!((0.0..=1.0).contains(p), "{p} at {us} us");
+        }
+    }
+}
+
+#[test]
+fn learning_the_same_visit_twice_is_refused_and_changes_nothing() {
+    let mut learner = learner(Preset::Default, KeepAppearances::Experiences);
+    let before = learner.snapshot().expect("fits together");
+    let again = observation(&street().learn[0]);
+    let error = learner.observe(&again).expect_err("known visit");
+    assert_eq!(error.kind(), ErrorKind::Config);
+    let mut bad = observation(&street().query[0]);
+    bad.image_size = (1, 1);
+    assert_eq!(
+        learner.observe(&bad).expect_err("another size").kind(),
+        ErrorKind::Shape
+    );
+    assert_eq!(learner.snapshot().expect("fits together"), before);
+}
+
+#[test]
+fn an_experience_is_added_only_where_the_others_fail() {
+    let snapshot = snapshot(Preset::Default);
+    let count = |only: AppearanceUse| {
+        (snapshot.nodes.iter())
+            .flat_map(|node| &node.visits)
+            .filter(|visit| visit.appearance_use == only)
+            .count()
+    };
+    let experiences = count(AppearanceUse::Experience);
+    assert!(
+        experiences >= snapshot.nodes.len(),
+        "the first visit of each place is one"
+    );
+    assert!(
+        count(AppearanceUse::Recognised) > 0,
+        "some visits were recognised"
+    );
+    for node in &snapshot.nodes {
+        node.check().expect("in step");
+        assert_eq!(node.visits[0].appearance_use, AppearanceUse::Experience);
+    }
+}
+
+#[test]
+fn a_map_on_disk_answers_like_the_map_in_memory() {
+    let dir = tempfile::tempdir().expect("temporary folder");
+    for preset in Preset::ALL {
+        let path = dir.path().join(preset.name());
+        let in_memory = snapshot(preset);
+        let map = Map::create(&path, in_memory.meta.clone()).expect("creates");
+        map.commit(&in_memory).expect("commits");
+        drop(map);
+        let stored = Map::open(&path).expect("opens").snapshot();
+        assert_eq!(stored.nodes, in_memory.nodes);
+        let cfg = LocalizerConfig::preset(preset).with_score(Score::Inliers);
+        let [a, b] = [in_memory, stored]
+            .map(|snapshot| Localizer::new(snapshot, cfg.clone()).expect("map fits"));
+        for seen in &street().query {
+            assert_eq!(
+                a.localize(&mut a.scratch(), &query(seen)).expect("fits"),
+                b.localize(&mut b.scratch(), &query(seen)).expect("fits")
+            );
+        }
+    }
+}
+
+#[test]
+fn features_of_a_shifted_visit_share_the_first_frame() {
+    let base = &street().learn[0];
+    let mut keypoints = base.features.keypoints().to_vec();
+    for keypoint in &mut keypoints {
+        keypoint.x += 12.0;
+        keypoint.y -= 5.0;
+    }
+    let shifted = Seen {
+        features: Features::from_parts(keypoints, base.features.descriptors().to_vec())
+            .expect("pairs"),
+        entry: Entry {
+            time: base.entry.time.plus_us(1),
+            ..base.entry.clone()
+        },
+    };
+    let cfg = LearnConfig::default();
+    let mut learner = Learner::new(cfg, MapMeta::new(7, "star-brief", "default"));
+    let first = learner.observe(&observation(base)).expect("learns");
+    let second = learner.observe(&observation(&shifted)).expect("learns");
+    // Twins within the image (equal descriptors) may be taken for one another, and are then born again.
+    assert!(second.num_seen * 10 >= first.num_born * 9, "{second:?}");
+    let snapshot = learner.snapshot().expect("fits together");
+    let keypoints = snapshot.nodes[0].features.keypoints();
+    for keypoint in &keypoints[first.num_born..] {
+        let twin = keypoints[..first.num_born]
+            .iter()
+            .any(|k| (k.x - keypoint.x).abs() < 0.5 && (k.y - keypoint.y).abs() < 0.5);
+        assert!(twin, "{keypoint:?} was not moved back");
+    }
+}

@@ -1,5 +1,6 @@
 //! The command as its users run it: real processes, files and signals.
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -67,9 +68,12 @@ fn query_time() -> Time {
     Time::parse(QUERY_TIME).expect("valid")
 }
 
-/// (place, time, file name, PNG) of every learnt image.
-fn images() -> &'static [(usize, Time, String, Vec<u8>)] {
-    static IMAGES: OnceLock<Vec<(usize, Time, String, Vec<u8>)>> = OnceLock::new();
+/// Place, time, file name and PNG.
+type Image = (usize, Time, String, Vec<u8>);
+
+/// Every learnt image.
+fn images() -> &'static [Image] {
+    static IMAGES: OnceLock<Vec<Image>> = OnceLock::new();
     IMAGES.get_or_init(|| {
         let start = Time::parse("2023-05-15T12:00:00Z").expect("valid");
         (0..NUM_VISITS)
@@ -95,7 +99,7 @@ impl Fixture {
         fs::create_dir_all(fixture.path("data/images")).expect("writable");
         let mut index = String::from("place,time,path\n");
         for (place, time, name, bytes) in images() {
-            index += &format!("place-{place:02},{time},{name}\n");
+            writeln!(index, "place-{place:02},{time},{name}").expect("memory");
             fs::write(fixture.path("data").join(name), bytes).expect("writable");
         }
         fixture.write("data/index.csv", index);
@@ -939,7 +943,7 @@ fn long(fixture: &Fixture) -> usize {
     for day in 0..40 {
         for (place, time, name, _) in images() {
             let time = time.plus_us(day * 60_000_000);
-            index += &format!("place-{place:02},{time},{name}\n");
+            writeln!(index, "place-{place:02},{time},{name}").expect("memory");
             rows += 1;
         }
     }

@@ -18,6 +18,7 @@ mod predict;
 mod progress;
 mod trace;
 
+use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -173,6 +174,7 @@ fn log_to_stderr(verbosity: u8) {
     // Only a second subscriber in this process could make it fail.
     let _ = tracing_subscriber::fmt()
         .with_env_filter(tracing_subscriber::EnvFilter::new(level))
+        .with_ansi(std::io::stderr().is_terminal())
         .with_writer(std::io::stderr)
         .without_time()
         .with_target(false)

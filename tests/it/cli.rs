@@ -1,5 +1,6 @@
 //! The command as its users run it: real processes, files and signals.
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -27,11 +28,31 @@ fn world() -> &'static World {
     })
 }
 
+/// A place of the street with a pattern of its own painted on it: the synthetic places look alike on
+/// purpose, but here only the command is tested.
 fn png(place: usize, time: Time, seed: u64) -> Vec<u8> {
-    let picture = world().render(place, time, seed);
-    let (width, height) = (picture.width() as u32, picture.height() as u32);
-    let picture = image::GrayImage::from_raw(width, height, picture.data().to_vec());
-    encoded(&picture.expect("width x height bytes"))
+    let street = world().render(place, time, seed);
+    let (width, height) = (street.width() as u32, street.height() as u32);
+    let mut picture = image::GrayImage::from_raw(width, height, street.data().to_vec())
+        .expect("width x height bytes");
+    let mut state = place as u64 + 1;
+    let mut random = |below: u64| {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) % below
+    };
+    for _ in 0..150 {
+        let (left, top) = (50 + random(210) as u32, 50 + random(130) as u32);
+        let (columns, rows) = (5 + random(9) as u32, 5 + random(9) as u32);
+        let level = image::Luma([random(256) as u8]);
+        for y in top..top + rows {
+            for x in left..left + columns {
+                picture.put_pixel(x, y, level);
+            }
+        }
+    }
+    encoded(&picture)
 }
 
 fn encoded(picture: &image::GrayImage) -> Vec<u8> {
@@ -47,9 +68,12 @@ fn query_time() -> Time {
     Time::parse(QUERY_TIME).expect("valid")
 }
 
-/// (place, time, file name, PNG) of every learnt image.
-fn images() -> &'static [(usize, Time, String, Vec<u8>)] {
-    static IMAGES: OnceLock<Vec<(usize, Time, String, Vec<u8>)>> = OnceLock::new();
+/// Place, time, file name and PNG.
+type Image = (usize, Time, String, Vec<u8>);
+
+/// Every learnt image.
+fn images() -> &'static [Image] {
+    static IMAGES: OnceLock<Vec<Image>> = OnceLock::new();
     IMAGES.get_or_init(|| {
         let start = Time::parse("2023-05-15T12:00:00Z").expect("valid");
         (0..NUM_VISITS)
@@ -75,7 +99,7 @@ impl Fixture {
         fs::create_dir_all(fixture.path("data/images")).expect("writable");
         let mut index = String::from("place,time,path\n");
         for (place, time, name, bytes) in images() {
-            index += &format!("place-{place:02},{time},{name}\n");
+            writeln!(index, "place-{place:02},{time},{name}").expect("memory");
             fs::write(fixture.path("data").join(name), bytes).expect("writable");
         }
         fixture.write("data/index.csv", index);
@@ -919,7 +943,7 @@ fn long(fixture: &Fixture) -> usize {
     for day in 0..40 {
         for (place, time, name, _) in images() {
             let time = time.plus_us(day * 60_000_000);
-            index += &format!("place-{place:02},{time},{name}\n");
+            writeln!(index, "place-{place:02},{time},{name}").expect("memory");
             rows += 1;
         }
     }

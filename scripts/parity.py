@@ -8,7 +8,7 @@ differences of a grey level are normal (JPEG).
 
 Usage: parity.py DATA_DIR [DUMP_FEATURES]      (scripts/parity.sh builds and installs what it needs)
 Every folder under DATA_DIR with an index.csv is one row; without any, every folder with images is.
-Exits with 0 if everything is equal, 1 if anything differs, 2 if nothing could be compared.
+Exits with 0 if everything is equal, 1 if anything differs or cannot be read, 2 if nothing could be compared.
 """
 
 import csv

@@ -3,7 +3,7 @@
 #
 # Usage: scripts/parity.sh DATA_DIR
 # Builds our side in release mode and installs OpenCV (with contrib, from PyPI) in a throw-away
-# environment. Exit code: 0 equal, 1 something differs, 2 the comparison could not be made.
+# environment. Exit code: 0 equal, 1 something differs or cannot be read, 2 the comparison could not be made.
 set -u
 
 wheel='opencv-contrib-python-headless==5.0.0.93'

@@ -112,15 +112,12 @@ fn draw_evidence(
     let shift = candidate.displacement.mean;
     for (rank, &id) in candidate.predicted.iter().enumerate() {
         let found = (candidate.matches.iter()).find(|m| m.rank as usize == rank && m.inlier);
-        let Keypoint { x, y, .. } = if let Some(found) = found {
-            features.keypoints()[found.live as usize]
+        let (x, y) = if let Some(found) = found {
+            let Keypoint { x, y, .. } = features.keypoints()[found.live as usize];
+            (x, y)
         } else {
-            let keypoint = place.features.keypoints()[id as usize];
-            Keypoint {
-                x: keypoint.x + shift.dx_px as f32,
-                y: keypoint.y + shift.dy_px as f32,
-                ..keypoint
-            }
+            let Keypoint { x, y, .. } = place.features.keypoints()[id as usize];
+            (x + shift.dx_px as f32, y + shift.dy_px as f32)
         };
         let (width, height) = (image.width() as i32, image.height() as i32);
         for dy in -7_i32..=7 {

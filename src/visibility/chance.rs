@@ -57,7 +57,7 @@ impl Shuffles {
     }
 }
 
-/// The output function of SplitMix64 (Steele, Lea and Flood 2014).
+/// The output function of `SplitMix64` (Steele, Lea and Flood 2014).
 fn mixed(state: u64) -> u64 {
     let state = (state ^ (state >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     let state = (state ^ (state >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
@@ -185,7 +185,7 @@ mod tests {
         let daily = log(|feature, visit, time| {
             let is_day = time.phase(Period::DAY) < 0.5;
             // One in eight observations is wrong.
-            let is_wrong = mixed((feature * 64 + visit) as u64) % 8 == 0;
+            let is_wrong = mixed((feature * 64 + visit) as u64).is_multiple_of(8);
             is_day != is_wrong
         });
         assert_eq!(kept(&daily), [false, true]);
@@ -193,9 +193,10 @@ mod tests {
 
     #[test]
     fn chance_is_refused_even_where_all_features_share_it() {
-        let shared = log(|_, visit, _| mixed(visit as u64) % 2 == 0);
+        let shared = log(|_, visit, _| mixed(visit as u64).is_multiple_of(2));
         assert_eq!(kept(&shared), [false, false]);
-        let own = log(|feature, visit, _| mixed((feature * 64 + visit) as u64 + 7) % 2 == 0);
+        let own =
+            log(|feature, visit, _| mixed((feature * 64 + visit) as u64 + 7).is_multiple_of(2));
         assert_eq!(kept(&own), [false, false]);
     }
 

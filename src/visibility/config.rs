@@ -23,6 +23,7 @@ pub enum BeforeBirth {
 /// support an annual period by the default numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
+#[allow(clippy::struct_field_names)] // reason: the fields are the keys of the text form.
 pub struct Guards {
     min_cycles: f64,
     min_gaps: f64,

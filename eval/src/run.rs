@@ -6,6 +6,7 @@ use anyhow::{Context, Result};
 use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
 use chronotope::dataset::{Dataset, Manifest};
 use chronotope::feature::{StarBrief, StarBriefConfig};
+use chronotope::localize::Score;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::exhibit::pictures;
@@ -15,6 +16,9 @@ use crate::metrics::PairedDifference;
 use crate::report::Pictures;
 use crate::results::{SuiteResults, Variant};
 use crate::suite::{Protocol, Suite};
+
+/// The number of features at which a synthetic suite compares methods in words.
+const COMPARED_N: u32 = 30;
 
 /// Where a run reads and writes.
 #[derive(Clone, Debug)]
@@ -49,7 +53,7 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Vec<(SuiteResults, Pic
                 .extend(against_static(&main, "FreMEn against static"));
             main.notes.extend(against_static(
                 &control,
-                "The same in the control world, in which nothing depends on time",
+                "The same where nothing depends on time",
             ));
             control
                 .notes
@@ -158,30 +162,35 @@ fn prefix(seed: u64) -> String {
     format!("seed {seed:02}")
 }
 
-/// The sentence that compares the default `fremen` with `static` at n = 30 and 50, per query.
-fn against_static(results: &SuiteResults, title: &str) -> Option<String> {
-    let fremen = results.default_variant()?;
-    let fixed = Variant {
-        method: "static".into(),
-        model: "mean".into(),
-        order: crate::results::Order::Fixed(0),
-        ..fremen.clone()
+/// The sentences that compare the default `fremen` with `static` at n = 30, per query, for each score.
+fn against_static(results: &SuiteResults, title: &str) -> Vec<String> {
+    let Some(default) = results.default_variant() else {
+        return Vec::new();
     };
-    let said: Vec<String> = [30, 50]
-        .into_iter()
-        .filter_map(|n| {
-            let paired = PairedDifference::between(&results.queries, &fremen.at(n), &fixed.at(n))?;
-            Some(format!(
-                "at n = {n} {:.1} % wrong instead of {:.1} % ({:+.1} points, 95 % interval {:+.1} to {:+.1})",
-                paired.first_percent,
-                paired.second_percent,
-                paired.points.mean,
-                paired.points.interval.low,
-                paired.points.interval.high
-            ))
-        })
-        .collect();
-    (!said.is_empty()).then(|| format!("{title}: {}", said.join("; ")))
+    let said = [Score::Inliers, Score::Count].into_iter().filter_map(|score| {
+        let fremen = Variant {
+            score: score.name().into(),
+            ..default.clone()
+        };
+        let fixed = Variant {
+            method: "static".into(),
+            model: "mean".into(),
+            order: crate::results::Order::Fixed(0),
+            ..fremen.clone()
+        };
+        let [fremen, fixed] = [fremen.at(COMPARED_N), fixed.at(COMPARED_N)];
+        let paired = PairedDifference::between(&results.queries, &fremen, &fixed)?;
+        Some(format!(
+            "{title}, n = {COMPARED_N}, score {score}: {:.1} % wrong against {:.1} %, {:.1} points fewer \
+             (95 % interval {:.1} to {:.1})",
+            paired.first_percent,
+            paired.second_percent,
+            paired.points.mean,
+            paired.points.interval.low,
+            paired.points.interval.high
+        ))
+    });
+    said.collect()
 }
 
 fn describe(protocol: &Protocol, folds: &[Fold]) -> String {

@@ -14,7 +14,7 @@ use chronotope::map::{AppearanceUse, Map, MapMeta, SessionId, Snapshot};
 use chronotope::predict::Selection;
 use chronotope::{ErrorKind, Time};
 
-const SIZE: (u32, u32) = (448, 320);
+const SIZE: (u32, u32) = (448, 384);
 
 struct Seen {
     entry: Entry,

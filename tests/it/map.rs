@@ -880,6 +880,8 @@ fn golden_map_is_written() {
     let path = dir.path().join("golden.map");
     write_golden(&path);
     let written = Map::open(&path).expect("opens").snapshot();
-    let known = Map::open_read_only(golden_path()).expect("opens").snapshot();
+    let known = Map::open_read_only(golden_path())
+        .expect("opens")
+        .snapshot();
     assert_eq!(written.nodes, known.nodes);
 }

@@ -24,7 +24,7 @@
 //! let world = World::new(&WorldConfig::new(7))?;
 //! let july = Time::parse("2023-07-15T12:00:00Z")?;
 //! let image = world.render(0, july, 0);
-//! assert_eq!((image.width(), image.height()), (448, 320));
+//! assert_eq!((image.width(), image.height()), (448, 384));
 //! # Ok::<(), chronotope::Error>(())
 //! ```
 
@@ -59,14 +59,14 @@ pub struct WorldConfig {
 }
 
 impl WorldConfig {
-    /// 8 places with rhythms, seen in images of 448 x 320 pixels.
+    /// 8 places with rhythms, seen in images of 448 x 384 pixels.
     pub fn new(seed: u64) -> Self {
         Self {
             seed,
             num_places: 8,
             rhythms: true,
             width: 448,
-            height: 320,
+            height: 384,
         }
     }
 

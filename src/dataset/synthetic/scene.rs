@@ -192,48 +192,57 @@ enum Plan {
 type Look = (ElementKind, Patch);
 
 impl Plan {
-    /// When the cell is active, what it shows then and what otherwise; `None` for plans without a
-    /// rhythm.
-    fn alternation(self, w: i32, h: i32, rng: &mut Rng) -> Option<(Activity, Look, Look)> {
+    /// When the cell is active, what it shows then (drawn from `rng`) and what otherwise (from `rest`);
+    /// `None` for plans without a rhythm.
+    fn alternation(
+        self,
+        w: i32,
+        h: i32,
+        rng: &mut Rng,
+        rest: &mut Rng,
+    ) -> Option<(Activity, Look, Look)> {
         Some(match self {
             Self::SharedWindow | Self::SharedDoor | Self::Mural => return None,
             Self::NightWindow => (
                 daytime(rng),
                 (ElementKind::Shutters, paint::paint_shutters(rng, w, h)),
-                (ElementKind::LitWindow, paint::paint_lit_window(rng, w, h)),
+                (ElementKind::LitWindow, paint::paint_lit_window(rest, w, h)),
             ),
             Self::Climbers => (
                 summer(rng),
                 (ElementKind::Ivy, paint::paint_ivy(rng, w, h)),
-                (ElementKind::Trellis, paint::paint_trellis(rng, w, h)),
+                (ElementKind::Trellis, paint::paint_trellis(rest, w, h)),
             ),
             Self::Shop => (
                 opening_hours(rng),
                 (ElementKind::Shop, paint::paint_shop(rng, w, h)),
                 (
                     ElementKind::RollerShutter,
-                    paint::paint_roller_shutter(rng, w, h),
+                    paint::paint_roller_shutter(rest, w, h),
                 ),
             ),
             Self::Door => (
                 opening_hours(rng),
                 (ElementKind::OpenDoor, paint::paint_open_door(rng, w, h)),
-                (ElementKind::ClosedDoor, paint::paint_closed_door(rng, w, h)),
+                (
+                    ElementKind::ClosedDoor,
+                    paint::paint_closed_door(rest, w, h),
+                ),
             ),
             Self::Market => (
                 some_weekdays(rng),
                 (ElementKind::Stall, paint::paint_stall(rng, w, h)),
-                (ElementKind::Bench, paint::paint_bench(rng, w, h)),
+                (ElementKind::Bench, paint::paint_bench(rest, w, h)),
             ),
             Self::Terrace => (
                 summer(rng),
                 (ElementKind::Cafe, paint::paint_cafe(rng, w, h)),
-                (ElementKind::Firewood, paint::paint_firewood(rng, w, h)),
+                (ElementKind::Firewood, paint::paint_firewood(rest, w, h)),
             ),
             Self::Parking => (
                 daytime(rng),
                 (ElementKind::Bench, paint::paint_bench(rng, w, h)),
-                (ElementKind::Van, paint::paint_van(rng, w, h)),
+                (ElementKind::Van, paint::paint_van(rest, w, h)),
             ),
         })
     }
@@ -258,14 +267,17 @@ const GROUND_FLOOR: [Plan; 5] = [
     Plan::Parking,
 ];
 
-/// Probability that a window of the top row is of the rarer of the two models.
-const RARE: f64 = 0.30;
+/// Probability that a shared window is of the rarer of the two models.
+const RARE: f64 = 0.10;
 
 /// Probability that somebody has drawn the blinds of a shared window, at any time.
 const BLINDS: f64 = 0.12;
 
 /// Probability that a mural is not covered by scaffolding, at any time.
-const UNCOVERED: f64 = 0.85;
+const UNCOVERED: f64 = 0.50;
+
+/// Probability that a cell out of its phase looks like that of every other place.
+const SHARED_REST: f64 = 0.7;
 
 /// Probability of an element in its phase.
 const HIGH: f64 = 0.96;
@@ -370,8 +382,14 @@ impl Builder<'_> {
     fn fill(&mut self, plan: Plan, at: (i32, i32), size: (i32, i32), rng: &mut Rng) {
         let (w, h) = size;
         let street = self.street;
-        if let Some((activity, active, inactive)) = plan.alternation(w, h, rng) {
-            self.pair(activity, at, active, inactive);
+        let is_shared = rng.chance(SHARED_REST);
+        let mut rest = if is_shared {
+            street.shared(100 + plan as u64)
+        } else {
+            Rng::new(&[rng.bits()])
+        };
+        if let Some((activity, active, inactive)) = plan.alternation(w, h, rng, &mut rest) {
+            self.pair(activity, at, active, inactive, is_shared);
         } else if plan == Plan::SharedWindow {
             let model = if rng.chance(RARE) { 3 } else { 1 };
             let open = paint::paint_window(&mut street.shared(model), w, h);
@@ -392,9 +410,16 @@ impl Builder<'_> {
         self.cell += 1;
     }
 
-    /// Adds an element that shows while active and its counterpart that shows while not. Seasons make
-    /// no exceptions, people do.
-    fn pair(&mut self, activity: Activity, at: (i32, i32), active: Look, inactive: Look) {
+    /// Adds an element that shows while active and its counterpart that shows while not, which all
+    /// places may share. Seasons make no exceptions, people do.
+    fn pair(
+        &mut self,
+        activity: Activity,
+        at: (i32, i32),
+        active: Look,
+        inactive: Look,
+        is_shared: bool,
+    ) {
         let low = if activity.year.is_some() { 0.0 } else { LOW };
         self.add(
             active.0,
@@ -406,7 +431,7 @@ impl Builder<'_> {
         self.add(
             inactive.0,
             at,
-            false,
+            is_shared,
             Rhythm::without(activity, low, HIGH),
             inactive.1,
         );
@@ -451,6 +476,7 @@ impl Scene {
                 (x, y),
                 (ElementKind::Foliage, leaves),
                 (ElementKind::BareCrown, bare),
+                false,
             );
             builder.cell += 1;
         }
@@ -460,7 +486,7 @@ impl Scene {
             rng.shuffle(&mut plans);
             plans.into_iter()
         };
-        let mut middle = planned(&MIDDLE, inner.len() * (rows - 2) as usize, &mut rng);
+        let mut middle = planned(&MIDDLE, inner.len(), &mut rng);
         let mut ground = planned(&GROUND_FLOOR, inner.len(), &mut rng);
         for bay in 0..bays {
             let x = street.bay_x(bay) + 2;
@@ -471,6 +497,7 @@ impl Scene {
                 let height = if is_ground { ROW - 4 } else { ROW - 8 };
                 let plan = match (row, is_inner) {
                     (0, _) => Some(Plan::SharedWindow),
+                    (row, _) if row < rows - 2 && !trees.contains(&bay) => Some(Plan::SharedWindow),
                     (_, false) if trees.contains(&bay) => None,
                     (_, true) if is_ground => ground.next(),
                     (_, true) => middle.next(),

@@ -39,8 +39,8 @@ use crate::predict::{PredictedMap, Selection};
 use crate::time::Time;
 use crate::visibility::{self, VisibilityConfig, VisibilityModel, Visits};
 
-/// An experience is used at a time when it is more likely than not to be the right one then.
-const LIKELY_EXPERIENCE: f64 = 0.5;
+/// Sums in another order differ by less.
+const SAME_PROBABILITY: f64 = 1e-9;
 
 /// What the camera sees.
 #[derive(Clone, Copy, Debug)]
@@ -61,8 +61,16 @@ enum Plan {
     /// The appearances kept at these visits; with a model, those that are likely at the query's time.
     Appearances {
         visits: Vec<u32>,
-        likely: Option<Box<dyn VisibilityModel>>,
+        likely: Option<Likely>,
     },
+}
+
+/// When each experience of a place locates it.
+#[derive(Debug)]
+struct Likely {
+    model: Box<dyn VisibilityModel>,
+    /// How often each does at any time.
+    means: Vec<f64>,
 }
 
 /// Answers "where am I?" from one snapshot; immutable and shared between threads.
@@ -312,39 +320,50 @@ impl Plan {
                 likely: None,
             },
             Method::Freex => Self::Appearances {
-                visits: kept(Some(AppearanceUse::Experience)),
-                likely: Some(fit(cfg.visibility(), &node.experience_log)?),
+                // Also those whose appearance is lost: the log counts them, and they match nothing.
+                visits: (0..)
+                    .zip(&node.visits)
+                    .filter(|(_, visit)| visit.appearance_use == AppearanceUse::Experience)
+                    .map(|(index, _)| index)
+                    .collect(),
+                likely: Some(Likely {
+                    model: fit(cfg.visibility(), &node.experience_log)?,
+                    means: {
+                        let model = fit(&VisibilityConfig::mean(), &node.experience_log)?;
+                        let mut means = vec![0.0; model.num_features()];
+                        model.predict_into(Time::default(), &mut means);
+                        means
+                    },
+                }),
             },
         })
     }
 
-    /// The visits whose appearances are matched at `time`: all, or with a model the likely ones, of
-    /// which there is always at least one.
-    fn visits_into(&self, time: Time, likely: &mut Vec<f64>, out: &mut Vec<u32>) {
+    /// The visits whose appearances are matched at `time`: all, or with a model those that are at least
+    /// as likely then as at any time. (Without a rhythm that is all of them; T-RO 2017 VII-A uses about
+    /// 100 of 170 and does not say by which rule.)
+    fn visits_into(&self, time: Time, scores: &mut Vec<f64>, out: &mut Vec<u32>) {
         out.clear();
-        let Self::Appearances {
-            visits,
-            likely: model,
-        } = self
-        else {
+        let Self::Appearances { visits, likely } = self else {
             return;
         };
-        let Some(model) = model else {
+        let Some(likely) = likely else {
             out.extend_from_slice(visits);
             return;
         };
-        likely.clear();
-        likely.resize(model.num_features(), 0.0);
-        model.score_into(time, likely);
-        let scored = || visits.iter().zip(likely.iter());
+        scores.clear();
+        scores.resize(likely.model.num_features(), 0.0);
+        likely.model.score_into(time, scores);
+        let judged = visits.iter().zip(scores.iter().zip(&likely.means));
         out.extend(
-            scored()
-                .filter(|&(_, &p)| p >= LIKELY_EXPERIENCE)
+            judged
+                .clone()
+                .filter(|(_, (score, mean))| **score >= *mean - SAME_PROBABILITY)
                 .map(|(&visit, _)| visit),
         );
         if out.is_empty() {
             // The latest of the most likely: the newest knowledge wins a tie.
-            let best = scored().max_by(|a, b| a.1.total_cmp(b.1));
+            let best = judged.max_by(|a, b| a.1.0.total_cmp(b.1.0));
             out.extend(best.map(|(&visit, _)| visit));
         }
     }

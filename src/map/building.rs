@@ -7,7 +7,9 @@ use std::collections::{BTreeSet, HashSet};
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::format::{MAX_FEATURES, MAX_TEXT_BYTES};
+use super::format::{
+    MAX_ATTACHMENT_BYTES, MAX_ATTACHMENT_NAME_BYTES, MAX_FEATURES, MAX_TEXT_BYTES,
+};
 use super::types::{AppearanceUse, Edge, MapMeta, Node, NodeId, PlaceKey, Snapshot, Visit};
 use crate::error::{Error, ErrorKind, Result};
 use crate::feature::Features;
@@ -314,7 +316,9 @@ impl Snapshot {
                 ));
             }
         }
-        Ok(())
+        self.attachments
+            .iter()
+            .try_for_each(|(name, value)| check_attachment(name, value))
     }
 
     /// What it holds, in numbers. O(places + visits).
@@ -324,6 +328,8 @@ impl Snapshot {
             generation: self.generation,
             num_places: self.nodes.len(),
             num_edges: self.edges.len(),
+            num_attachments: self.attachments.len(),
+            num_bytes: self.attachments.values().map(|value| value.len()).sum(),
             ..Summary::default()
         };
         for node in &self.nodes {
@@ -351,6 +357,33 @@ impl Snapshot {
         summary.num_sessions = sessions.len();
         summary
     }
+}
+
+/// Whether a map may hold this attachment.
+pub(super) fn check_attachment(name: &str, value: &[u8]) -> Result<()> {
+    let is_word = |word: &str| {
+        !word.is_empty()
+            && (word.bytes()).all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit())
+    };
+    if name.len() > MAX_ATTACHMENT_NAME_BYTES || !name.split('-').all(is_word) {
+        return Err(Error::new(
+            ErrorKind::Config,
+            format!("`{}` is no name for an attachment", name.escape_debug()),
+        )
+        .with_help(format!(
+            "use kebab case of at most {MAX_ATTACHMENT_NAME_BYTES} bytes"
+        )));
+    }
+    if value.len() > MAX_ATTACHMENT_BYTES {
+        return Err(Error::new(
+            ErrorKind::Shape,
+            format!(
+                "the attachment `{name}` has {} bytes, where one holds at most {MAX_ATTACHMENT_BYTES}",
+                value.len()
+            ),
+        ));
+    }
+    Ok(())
 }
 
 /// Bytes of a keypoint and its descriptor.
@@ -383,7 +416,9 @@ pub struct Summary {
     pub num_experiences: usize,
     /// Features of all places, without those of appearances.
     pub num_features: usize,
-    /// Bytes of features, logs and appearances.
+    /// Named values that other rooms keep with the map.
+    pub num_attachments: usize,
+    /// Bytes of features, logs, appearances and attachments.
     pub num_bytes: usize,
     /// The earliest visit.
     pub first: Option<Time>,

@@ -3,7 +3,7 @@
 //! A commit writes only what is new, so first it is established that all the rest is as stored.
 //! Places that are shared between the snapshots ([`Arc::ptr_eq`]) are not looked at.
 
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
 
 use rusqlite::Connection;
@@ -26,6 +26,8 @@ pub(super) struct Change {
     nodes: Vec<(usize, usize)>,
     /// Those among them whose pose is new, ascending.
     poses: Vec<usize>,
+    /// Names of attachments that are new, changed or gone, ascending.
+    attachments: Vec<String>,
 }
 
 impl Change {
@@ -81,29 +83,35 @@ impl Change {
             edges: next.edges != stored.edges,
             nodes,
             poses,
+            attachments: changed_attachments(stored, next),
         })
     }
 
     /// Whether there is nothing to write.
     pub(super) fn is_nothing(&self) -> bool {
-        !self.meta && !self.edges && self.nodes.is_empty()
+        !self.meta && !self.edges && self.nodes.is_empty() && self.attachments.is_empty()
     }
 
-    /// The state after the commit, but with the ids of the new visits only; row numbers are those
-    /// that [`write`](Self::write) uses.
-    pub(super) fn apply(&self, state: &State, next: &Snapshot) -> State {
-        let generation = state.snapshot.generation + 1;
+    /// The state after the commit of `generation`, but with the ids of the new visits only; row
+    /// numbers are those that [`write`](Self::write) uses.
+    pub(super) fn apply(&self, state: &State, next: &Snapshot, generation: u64) -> State {
         let mut after = State {
             snapshot: next.clone(),
             chains: state.chains.clone(),
+            place_rows: state.place_rows.clone(),
             visit_ids: HashSet::new(),
+            attachments: state.attachments.clone(),
+            parent: Some(state.snapshot.generation),
             ..*state
         };
         after.snapshot.generation = generation;
+        after.snapshot.attachments.retain(|_, it| !it.is_empty());
         for &(at, num_stored) in &self.nodes {
             let node = &next.nodes[at];
             if at == after.chains.len() {
                 after.chains.push(digest::first_link(node));
+                after.last_place += 1;
+                after.place_rows.push(after.last_place);
             }
             for visit in num_stored..node.visits.len() {
                 after.chains[at] = digest::next_link(&after.chains[at], node, visit);
@@ -119,6 +127,16 @@ impl Change {
             after.edge_generation = generation;
             after.last_edge += next.edges.len() as i64;
         }
+        for name in &self.attachments {
+            match after.snapshot.attachments.get(name) {
+                Some(value) => {
+                    let digest = digest::of_attachment(value);
+                    after.attachments.insert(name.clone(), digest);
+                }
+                None => drop(after.attachments.remove(name)),
+            }
+        }
+        after.last_attachment += self.attachments.len() as i64;
         after
     }
 
@@ -149,7 +167,7 @@ impl Change {
         let mut visit_row = before.last_visit;
         for &(at, num_stored) in &self.nodes {
             let node = &next.nodes[at];
-            let place = at as i64 + 1;
+            let place = after.place_rows[at];
             if at >= before.snapshot.nodes.len() {
                 let key = ValueRef::Text(node.key.as_str().as_bytes());
                 insert(
@@ -167,13 +185,40 @@ impl Change {
             let mut values = vec![
                 ValueRef::Integer(id),
                 generation,
-                ValueRef::Integer(at as i64 + 1),
+                ValueRef::Integer(after.place_rows[at]),
             ];
             values.extend(digest::pose_values(next.nodes[at].pose));
             insert(connection, &format::POSE, &values)?;
         }
+        for (id, name) in (before.last_attachment + 1..).zip(&self.attachments) {
+            let value = next.attachments.get(name).map_or(&[][..], |value| value);
+            let values = [
+                ValueRef::Integer(id),
+                generation,
+                ValueRef::Text(name.as_bytes()),
+                ValueRef::Blob(value),
+            ];
+            insert(connection, &format::ATTACHMENT, &values)?;
+        }
         Ok(())
     }
+}
+
+/// The names of attachments that differ, ascending.
+fn changed_attachments(stored: &Snapshot, next: &Snapshot) -> Vec<String> {
+    let value = |of: &Snapshot, name: &str| {
+        let value = of.attachments.get(name);
+        value.filter(|value| !value.is_empty()).cloned()
+    };
+    let names: BTreeSet<&String> = (stored.attachments.keys())
+        .chain(next.attachments.keys())
+        .collect();
+    let differs = |name: &&&String| match (value(stored, name), value(next, name)) {
+        // A shared value is not compared again.
+        (Some(old), Some(new)) => !Arc::ptr_eq(&old, &new) && old != new,
+        (old, new) => old.is_some() || new.is_some(),
+    };
+    names.iter().filter(differs).map(|&it| it.clone()).collect()
 }
 
 fn insert_visit(

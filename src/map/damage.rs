@@ -86,11 +86,19 @@ fn tiny(path: &Path) -> Map {
                 name: "corridor".into(),
             };
             snapshot.add_edge(edge).expect("both are there");
+            attach(&mut snapshot, "calibration", &[1, 2, 3]);
+            attach(&mut snapshot, "held-visits", b"none");
             map.commit_at(&snapshot, Time::from_s(10)).expect("extends");
         }
     }
+    attach(&mut snapshot, "calibration", &[7; 90]);
+    snapshot.attachments.remove("held-visits");
     map.commit_at(&snapshot, Time::from_s(20)).expect("extends");
     map
+}
+
+fn attach(snapshot: &mut Snapshot, name: &str, value: &[u8]) {
+    snapshot.attachments.insert(name.into(), value.into());
 }
 
 /// Whether the damage is noticed; if it is not, it must not matter.
@@ -244,6 +252,22 @@ fn rows_changed_by_hand_are_named() {
             "generation 1 is missing",
         ),
         ("DELETE FROM generation", "there is no generation"),
+        (
+            "DELETE FROM generation WHERE number = 2",
+            "there is no generation 2",
+        ),
+        (
+            "UPDATE generation SET parent = 0 WHERE number = 2",
+            "table generation, row 2",
+        ),
+        (
+            "DELETE FROM attachment WHERE id = 3",
+            "the rows are not those that were committed",
+        ),
+        (
+            "UPDATE attachment SET value = x'010303' WHERE id = 1",
+            "table attachment, row 1, column value, byte 1: ",
+        ),
         ("DELETE FROM meta", "table meta"),
         (
             "UPDATE place SET key = replace(key, 'lamp', 'lamq')",
@@ -259,7 +283,7 @@ fn rows_changed_by_hand_are_named() {
         ("ALTER TABLE pose ADD COLUMN w REAL", "table pose"),
         (
             "CREATE TRIGGER t AFTER INSERT ON visit BEGIN DELETE FROM place; END",
-            "`t` is no part of format 1",
+            "`t` is no part of format 2",
         ),
     ] {
         fs::copy(&whole, &path).expect("writable");

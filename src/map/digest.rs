@@ -2,7 +2,10 @@
 //!
 //! [`Snapshot::digest`] is a SHA-256 over the content of a map in canonical bytes, whatever commits
 //! it came by: each place has a chain, one link per visit, so that a store extends the digest by
-//! hashing only what is new; the map's digest is taken over its head, the chains and the edges.
+//! hashing only what is new; the map's digest is taken over its head, the chains, the edges and the
+//! attachments.
+
+use std::collections::BTreeMap;
 
 use rusqlite::types::ValueRef;
 use sha2::{Digest, Sha256};
@@ -62,8 +65,17 @@ pub(super) fn chain(node: &Node) -> ContentDigest {
     })
 }
 
-/// The digest of a map whose places have these chains.
-pub(super) fn of_chains(snapshot: &Snapshot, chains: &[ContentDigest]) -> ContentDigest {
+/// The SHA-256 of an attachment.
+pub(super) fn of_attachment(value: &[u8]) -> ContentDigest {
+    Sha256::digest(value).into()
+}
+
+/// The digest of a map whose places have these chains and whose attachments these digests.
+pub(super) fn of_chains(
+    snapshot: &Snapshot,
+    chains: &[ContentDigest],
+    attachments: &BTreeMap<String, ContentDigest>,
+) -> ContentDigest {
     let mut sha = labelled("chronotope map 1");
     for value in meta_values(&snapshot.meta, &snapshot.meta.uuid.to_be_bytes()) {
         put_value(&mut sha, value);
@@ -80,6 +92,14 @@ pub(super) fn of_chains(snapshot: &Snapshot, chains: &[ContentDigest]) -> Conten
         for text in [edge.from.as_str(), edge.to.as_str(), &edge.name] {
             put_value(&mut sha, ValueRef::Text(text.as_bytes()));
         }
+    }
+    // A map without attachments has the digest that it had in format 1.
+    if !attachments.is_empty() {
+        put_value(&mut sha, ValueRef::Integer(attachments.len() as i64));
+    }
+    for (name, digest) in attachments {
+        put_value(&mut sha, ValueRef::Text(name.as_bytes()));
+        put_value(&mut sha, ValueRef::Blob(digest));
     }
     sha.finalize().into()
 }
@@ -154,6 +174,10 @@ impl Snapshot {
     /// ([`generation`](Self::generation)) it came about. O(bytes).
     pub fn digest(&self) -> ContentDigest {
         let chains: Vec<ContentDigest> = self.nodes.iter().map(|node| chain(node)).collect();
-        of_chains(self, &chains)
+        let attachments = (self.attachments.iter())
+            .filter(|(_, value)| !value.is_empty())
+            .map(|(name, value)| (name.clone(), of_attachment(value)))
+            .collect();
+        of_chains(self, &chains, &attachments)
     }
 }

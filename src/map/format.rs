@@ -1,4 +1,4 @@
-//! Which tables has format 1, and how does a row become bytes?
+//! Which tables has each format, and how does a row become bytes?
 //!
 //! `maps/README.md` states the same for people, down to the byte. Not for reading or writing files:
 //! that is `load` and `store`.
@@ -11,12 +11,16 @@ use crate::visibility::BitRow;
 
 /// `Chro` in ASCII, big-endian as SQLite stores it.
 pub(super) const APPLICATION_ID: u32 = 0x4368_726f;
-/// The format this code reads and writes (SQLite's `user_version`).
-pub(super) const VERSION: u32 = 1;
+/// The format this code writes (SQLite's `user_version`); it reads all before it, too.
+pub(super) const VERSION: u32 = 2;
 /// Features of one place, at most; experiences, too.
 pub(super) const MAX_FEATURES: usize = 1 << 20;
 /// Bytes of one text, at most.
 pub(super) const MAX_TEXT_BYTES: usize = 4096;
+/// Bytes of the name of an attachment, at most.
+pub(super) const MAX_ATTACHMENT_NAME_BYTES: usize = 64;
+/// Bytes of an attachment, at most.
+pub(super) const MAX_ATTACHMENT_BYTES: usize = 1 << 24;
 
 const KEYPOINT_BYTES: usize = 16;
 const DESCRIPTOR_BYTES: usize = 32;
@@ -36,6 +40,28 @@ pub(super) struct Table {
 }
 
 pub(super) const GENERATION: Table = Table {
+    name: "generation",
+    create: "CREATE TABLE generation (number INTEGER PRIMARY KEY, parent INTEGER, \
+             prunes INTEGER NOT NULL, time_us INTEGER NOT NULL, meta INTEGER NOT NULL, \
+             edges INTEGER NOT NULL, num_places INTEGER NOT NULL, num_visits INTEGER NOT NULL, \
+             num_features INTEGER NOT NULL, digest BLOB NOT NULL, crc INTEGER NOT NULL) STRICT",
+    columns: &[
+        "number",
+        "parent",
+        "prunes",
+        "time_us",
+        "meta",
+        "edges",
+        "num_places",
+        "num_visits",
+        "num_features",
+        "digest",
+    ],
+    limits: &[("digest", 32)],
+};
+
+/// The same table in format 1, where a generation's parent is the one before it.
+pub(super) const GENERATION_1: Table = Table {
     name: "generation",
     create: "CREATE TABLE generation (number INTEGER PRIMARY KEY, time_us INTEGER NOT NULL, \
              meta INTEGER NOT NULL, edges INTEGER NOT NULL, num_places INTEGER NOT NULL, \
@@ -165,9 +191,20 @@ pub(super) const APPEARANCE: Table = Table {
     ],
 };
 
-/// Every table, in order of creation.
-pub(super) const TABLES: [&Table; 8] = [
-    &GENERATION,
+pub(super) const ATTACHMENT: Table = Table {
+    name: "attachment",
+    create: "CREATE TABLE attachment (id INTEGER PRIMARY KEY, generation INTEGER NOT NULL, \
+             name TEXT NOT NULL, value BLOB NOT NULL, crc INTEGER NOT NULL) STRICT",
+    columns: &["id", "generation", "name", "value"],
+    limits: &[
+        ("name", MAX_ATTACHMENT_NAME_BYTES),
+        ("value", MAX_ATTACHMENT_BYTES),
+    ],
+};
+
+/// Every table of format 1, in order of creation.
+pub(super) const TABLES_1: [&Table; 8] = [
+    &GENERATION_1,
     &META,
     &EDGE,
     &PLACE,
@@ -176,6 +213,27 @@ pub(super) const TABLES: [&Table; 8] = [
     &FEATURE,
     &APPEARANCE,
 ];
+
+/// Every table of today's format, in order of creation.
+pub(super) const TABLES: [&Table; 9] = [
+    &GENERATION,
+    &META,
+    &EDGE,
+    &PLACE,
+    &POSE,
+    &VISIT,
+    &FEATURE,
+    &APPEARANCE,
+    &ATTACHMENT,
+];
+
+/// Every table of a format that this code reads.
+pub(super) fn tables_of(version: u32) -> &'static [&'static Table] {
+    match version {
+        1 => &TABLES_1,
+        _ => &TABLES,
+    }
+}
 
 /// What takes bytes one after another.
 pub(super) trait Sink {
@@ -429,7 +487,7 @@ mod tests {
 
     #[test]
     fn every_table_names_its_columns_and_limits_in_order() {
-        for table in TABLES {
+        for &table in TABLES_1.iter().chain(&TABLES) {
             let mut rest = table.create;
             for column in table.columns.iter().chain(&["crc"]) {
                 let at = rest.find(&format!("{column} ")).expect("in order");

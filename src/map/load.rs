@@ -11,6 +11,7 @@ use std::sync::Arc;
 use rusqlite::Connection;
 use rusqlite::types::ValueRef;
 
+use super::building::check_attachment;
 use super::digest::{self, ContentDigest};
 use super::format::{self, Malformed, Table};
 use super::types::{Edge, MapMeta, Node, PlaceKey, SessionId, Snapshot, Visit, VisitId};
@@ -126,11 +127,20 @@ impl Faults {
 #[derive(Clone, Debug)]
 pub(super) struct State {
     pub(super) snapshot: Snapshot,
+    pub(super) version: u32,
+    pub(super) parent: Option<u64>,
+    pub(super) prunes: u64,
     pub(super) chains: Vec<ContentDigest>,
+    /// The row of each place, ascending.
+    pub(super) place_rows: Vec<i64>,
     pub(super) visit_ids: HashSet<VisitId>,
+    /// The digest of each attachment.
+    pub(super) attachments: BTreeMap<String, ContentDigest>,
+    pub(super) last_place: i64,
     pub(super) last_visit: i64,
     pub(super) last_pose: i64,
     pub(super) last_edge: i64,
+    pub(super) last_attachment: i64,
     pub(super) meta_generation: u64,
     pub(super) edge_generation: u64,
 }
@@ -140,6 +150,9 @@ pub(super) struct State {
 pub struct Generation {
     /// Counted from 0, the empty map.
     pub number: u64,
+    /// The generation that this one extends; `None` for 0.
+    pub parent: Option<u64>,
+    pub(super) prunes: u64,
     /// When it was committed.
     pub time: Time,
     /// Places after it.
@@ -163,7 +176,56 @@ pub(super) struct Trail {
     pub(super) poses: Vec<(u64, usize, Option<[f64; 3]>)>,
     /// Generation, place, chain after the visit, features born at it.
     pub(super) links: Vec<(u64, usize, ContentDigest, usize)>,
+    /// Generation, name, digest of the value; `None` where it went.
+    pub(super) attachments: Vec<(u64, String, Option<ContentDigest>)>,
     pub(super) generations: Vec<Generation>,
+}
+
+/// Which rows belong to the generation that is read: those of its line, from the oldest ancestor on.
+#[derive(Debug)]
+struct Lineage {
+    /// Every new generation of the file.
+    all: BTreeSet<u64>,
+    /// Those of the line.
+    line: BTreeSet<u64>,
+}
+
+impl Lineage {
+    /// The new generations that lead to `at` (the newest where not given), ascending; `None` if they
+    /// do not start from `known`.
+    fn trace(
+        generations: &[Generation],
+        known: Option<u64>,
+        at: Option<u64>,
+    ) -> Option<(Self, Vec<Generation>)> {
+        let all = generations.iter().map(|it| it.number).collect();
+        let mut next = at.or(generations.last().map(|it| it.number));
+        let mut line = Vec::new();
+        while next != known {
+            // A parent is always the smaller number, so this ends.
+            let found = generations.binary_search_by_key(&next?, |it| it.number);
+            let generation = generations[found.ok()?].clone();
+            next = generation.parent;
+            line.push(generation);
+        }
+        line.reverse();
+        let numbers = line.iter().map(|it| it.number).collect();
+        Some((Self { all, line: numbers }, line))
+    }
+
+    /// Whether the row, whose generation stands in `column`, belongs to the line.
+    fn holds(&self, row: &Row<'_>, column: usize) -> Result<bool, Fault> {
+        let generation = row.count(column)? as u64;
+        if self.all.contains(&generation) {
+            Ok(self.line.contains(&generation))
+        } else {
+            Err(misfit(
+                row,
+                column,
+                format!("there is no generation {generation}"),
+            ))
+        }
+    }
 }
 
 /// One row whose checksum holds.
@@ -405,19 +467,51 @@ fn misfit(row: &Row<'_>, column: usize, message: impl Into<String>) -> Fault {
     row.fault(column, None, message)
 }
 
-/// Appends to `state` (`None`: nothing is known yet) what the file holds beyond it. The connection
-/// must be in a transaction. `trail`, where given, takes down what each generation added.
+/// The format that the file says it has.
+pub(super) fn format_version(connection: &Connection) -> Result<u32> {
+    let read = connection.query_row("PRAGMA user_version", [], |row| row.get(0));
+    let version = read.map_err(|error| super::store::sqlite_error(&error))?;
+    if (1..=format::VERSION).contains(&version) {
+        Ok(version)
+    } else {
+        Err(Error::new(
+            ErrorKind::Format,
+            format!(
+                "the map has format {version}; this program reads formats up to {}",
+                format::VERSION
+            ),
+        ))
+    }
+}
+
+/// Appends to `state` (`None`: nothing is known yet) what the file holds beyond it, or reads
+/// everything anew if what the file holds now does not follow from it.
+pub(super) fn catch_up(connection: &Connection, state: State) -> Result<Option<State>> {
+    let version = format_version(connection)?;
+    let known = state.snapshot.generation;
+    let newer = read_generations(connection, version, Some(known), &mut Faults::strict())?;
+    let follows = newer.iter().all(|it| it.prunes == state.prunes)
+        && Lineage::trace(&newer, Some(known), None).is_some();
+    let state = follows.then_some(state);
+    load(connection, state, None, &mut Faults::strict(), None)
+}
+
+/// Appends to `state` (`None`: nothing is known yet) what the file holds beyond it, up to the
+/// generation `at` (the newest where not given). The connection must be in a transaction. `trail`,
+/// where given, takes down what each generation of the line added.
 ///
 /// `Ok(None)`: the rows do not even name the map; the faults say why.
 pub(super) fn load(
     connection: &Connection,
     state: Option<State>,
+    at: Option<u64>,
     faults: &mut Faults,
     mut trail: Option<&mut Trail>,
 ) -> Result<Option<State>> {
+    let version = format_version(connection)?;
     let known = state.as_ref().map(|state| state.snapshot.generation);
-    let generations = read_generations(connection, known, faults)?;
-    let Some(last) = generations.last().cloned() else {
+    let generations = read_generations(connection, version, known, faults)?;
+    if generations.is_empty() {
         if known.is_none() {
             faults.add(Fault::new(
                 "generation",
@@ -426,8 +520,21 @@ pub(super) fn load(
             ))?;
         }
         return Ok(state);
+    }
+    let (lineage, generations) = match Lineage::trace(&generations, known, at) {
+        Some(traced) => traced,
+        None if faults.is_clean() => return Err(no_generation(at.unwrap_or_default())),
+        // A row is missing, which is listed already; all that is left is taken for one line.
+        None => {
+            let all: BTreeSet<u64> = generations.iter().map(|it| it.number).collect();
+            let line = all.clone();
+            (Lineage { all, line }, generations)
+        }
     };
-    let metas = read_metas(connection, known, faults)?;
+    let Some(last) = generations.last().cloned() else {
+        return Ok(state);
+    };
+    let metas = read_metas(connection, known, &lineage, faults)?;
     let mut state = match (state, metas.last()) {
         (Some(state), _) => state,
         (None, Some((_, meta))) => State::empty(meta.clone()),
@@ -440,10 +547,22 @@ pub(super) fn load(
         state.snapshot.meta = meta.clone();
         state.meta_generation = *generation;
     }
-    read_places(connection, &mut state, faults, trail.as_deref_mut())?;
-    read_poses(connection, &mut state, faults, trail.as_deref_mut())?;
-    read_visits(connection, &mut state, faults, trail.as_deref_mut())?;
-    read_edges(connection, &mut state, &last, faults, trail.as_deref_mut())?;
+    let mut reading = Reading {
+        connection,
+        lineage: &lineage,
+        faults,
+        trail: trail.as_deref_mut(),
+    };
+    reading.read_places(&mut state)?;
+    reading.read_poses(&mut state)?;
+    reading.read_visits(&mut state)?;
+    reading.read_edges(&mut state, &last)?;
+    if version > 1 {
+        reading.read_attachments(&mut state)?;
+    }
+    state.version = version;
+    state.parent = last.parent;
+    state.prunes = last.prunes;
     state.snapshot.generation = last.number;
     if faults.is_clean() {
         state
@@ -457,51 +576,87 @@ pub(super) fn load(
     Ok(Some(state))
 }
 
+/// What to say where the file has no such generation.
+pub(super) fn no_generation(number: u64) -> Error {
+    Error::new(
+        ErrorKind::Config,
+        format!("the map has no generation {number}"),
+    )
+    .with_help("`chronotope map log` lists the generations that it has")
+}
+
+/// The rows of `generation` after `known`, ascending.
 pub(super) fn read_generations(
     connection: &Connection,
+    version: u32,
     known: Option<u64>,
     faults: &mut Faults,
 ) -> Result<Vec<Generation>> {
     let mut generations: Vec<Generation> = Vec::new();
     let after = known.map_or(-1, |known| known as i64);
-    scan(
-        connection,
-        &format::GENERATION,
-        after,
-        faults,
-        |row, faults| {
-            let expected = after + 1 + generations.len() as i64;
-            if row.id != expected && faults.is_clean() {
-                return Err(misfit(row, 0, format!("generation {expected} is missing")));
+    // Format 1 had no branches: there a parent is the number before, and nothing was pruned.
+    let (table, first) = match version {
+        1 => (&format::GENERATION_1, 1),
+        _ => (&format::GENERATION, 3),
+    };
+    scan(connection, table, after, faults, |row, faults| {
+        let number = row.count(0)? as u64;
+        let (parent, prunes) = if version == 1 {
+            (number.checked_sub(1), 0)
+        } else if row.is_null(1) {
+            (None, row.count(2)? as u64)
+        } else {
+            (Some(row.count(1)? as u64), row.count(2)? as u64)
+        };
+        let is_there = match parent {
+            None => number == 0,
+            // What lies before `known` is not read here.
+            Some(parent) if known.is_some_and(|known| parent <= known) => true,
+            Some(parent) => {
+                parent < number
+                    && (generations.binary_search_by_key(&parent, |it| it.number)).is_ok()
             }
-            let digest = row.blob(7)?;
-            generations.push(Generation {
-                number: row.count(0)? as u64,
-                time: Time::from_us(row.integer(1)?),
-                meta: row.count(2)? as u64,
-                edges: row.count(3)? as u64,
-                num_places: row.count(4)?,
-                num_visits: row.count(5)?,
-                num_features: row.count(6)?,
-                digest: digest.try_into().map_err(|_| {
-                    let message = format!("{} bytes, where a digest has 32", digest.len());
-                    row.fault(7, Some(digest.len()), message)
-                })?,
-            });
-            Ok(())
-        },
-    )?;
+        };
+        if !is_there && faults.is_clean() {
+            let message = match parent {
+                Some(parent) if parent < number => format!("generation {parent} is missing"),
+                _ => "no generation but 0 is without one before it".into(),
+            };
+            return Err(misfit(row, if version == 1 { 0 } else { 1 }, message));
+        }
+        let digest = row.blob(first + 6)?;
+        generations.push(Generation {
+            number,
+            parent,
+            prunes,
+            time: Time::from_us(row.integer(first)?),
+            meta: row.count(first + 1)? as u64,
+            edges: row.count(first + 2)? as u64,
+            num_places: row.count(first + 3)?,
+            num_visits: row.count(first + 4)?,
+            num_features: row.count(first + 5)?,
+            digest: digest.try_into().map_err(|_| {
+                let message = format!("{} bytes, where a digest has 32", digest.len());
+                row.fault(first + 6, Some(digest.len()), message)
+            })?,
+        });
+        Ok(())
+    })?;
     Ok(generations)
 }
 
 fn read_metas(
     connection: &Connection,
     known: Option<u64>,
+    lineage: &Lineage,
     faults: &mut Faults,
 ) -> Result<Vec<(u64, MapMeta)>> {
     let mut metas = Vec::new();
     let after = known.map_or(-1, |known| known as i64);
     scan(connection, &format::META, after, faults, |row, _| {
+        if !lineage.holds(row, 0)? {
+            return Ok(());
+        }
         let number = |column| match row.values[column] {
             ValueRef::Null => Ok(None),
             _ => u32::try_from(row.integer(column)?)
@@ -542,201 +697,235 @@ fn read_metas(
     Ok(metas)
 }
 
-fn read_places(
-    connection: &Connection,
-    state: &mut State,
-    faults: &mut Faults,
-    mut trail: Option<&mut Trail>,
-) -> Result<()> {
-    let mut keys: BTreeSet<PlaceKey> = state.snapshot.nodes.iter().map(|n| n.key.clone()).collect();
-    let after = state.snapshot.nodes.len() as i64;
-    scan(connection, &format::PLACE, after, faults, |row, faults| {
-        let key = row.key(2)?;
-        if !faults.is_clean() {
-            return Ok(());
-        }
-        let expected = state.snapshot.nodes.len() as i64 + 1;
-        if row.id != expected {
-            return Err(misfit(row, 0, format!("place {expected} is missing")));
-        }
-        if !keys.insert(key.clone()) {
-            return Err(misfit(row, 2, format!("there are two places `{key}`")));
-        }
-        let node = Node::new(key);
-        state.chains.push(digest::first_link(&node));
-        state.snapshot.nodes.push(Arc::new(node));
-        if let Some(trail) = trail.as_deref_mut() {
-            trail.places.push(row.count(1)? as u64);
-        }
-        Ok(())
-    })
+/// One reading of a file's rows.
+struct Reading<'a> {
+    connection: &'a Connection,
+    lineage: &'a Lineage,
+    faults: &'a mut Faults,
+    trail: Option<&'a mut Trail>,
 }
 
-fn read_poses(
-    connection: &Connection,
-    state: &mut State,
-    faults: &mut Faults,
-    mut trail: Option<&mut Trail>,
-) -> Result<()> {
-    scan(
-        connection,
-        &format::POSE,
-        state.last_pose,
-        faults,
-        |row, faults| {
+impl Reading<'_> {
+    /// Hands every sound row with an id above `after` to `each`, with whether it is of the line.
+    fn scan(
+        &mut self,
+        table: &'static Table,
+        after: i64,
+        mut each: impl FnMut(&Row<'_>, bool, &Faults, Option<&mut Trail>) -> Result<(), Fault>,
+    ) -> Result<()> {
+        let Self {
+            connection,
+            lineage,
+            faults,
+            trail,
+        } = self;
+        scan(connection, table, after, faults, |row, faults| {
+            let is_of_line = lineage.holds(row, 1)?;
+            each(row, is_of_line, faults, trail.as_deref_mut())
+        })
+    }
+
+    fn read_places(&mut self, state: &mut State) -> Result<()> {
+        let mut keys: BTreeSet<PlaceKey> =
+            state.snapshot.nodes.iter().map(|n| n.key.clone()).collect();
+        let after = state.last_place;
+        self.scan(&format::PLACE, after, |row, is_of_line, faults, trail| {
+            let key = row.key(2)?;
+            if !faults.is_clean() {
+                return Ok(());
+            }
+            let expected = state.last_place + 1;
+            if row.id != expected {
+                return Err(misfit(row, 0, format!("place {expected} is missing")));
+            }
+            state.last_place = row.id;
+            if !is_of_line {
+                return Ok(());
+            }
+            if !keys.insert(key.clone()) {
+                return Err(misfit(row, 2, format!("there are two places `{key}`")));
+            }
+            let node = Node::new(key);
+            state.chains.push(digest::first_link(&node));
+            state.place_rows.push(row.id);
+            state.snapshot.nodes.push(Arc::new(node));
+            if let Some(trail) = trail {
+                trail.places.push(row.count(1)? as u64);
+            }
+            Ok(())
+        })
+    }
+
+    fn read_poses(&mut self, state: &mut State) -> Result<()> {
+        let after = state.last_pose;
+        self.scan(&format::POSE, after, |row, is_of_line, faults, trail| {
             let pose = if (3..6).all(|column| row.is_null(column)) {
                 None
             } else {
                 Some([row.real(3)?, row.real(4)?, row.real(5)?])
             };
-            let place = row.count(2)?;
-            if !faults.is_clean() {
+            state.last_pose = row.id;
+            if !faults.is_clean() || !is_of_line {
                 return Ok(());
             }
-            let Some(node) = place
-                .checked_sub(1)
-                .and_then(|at| state.snapshot.nodes.get_mut(at))
-            else {
-                return Err(misfit(row, 2, format!("there is no place {place}")));
-            };
-            Arc::make_mut(node).pose = pose;
-            state.last_pose = row.id;
-            if let Some(trail) = trail.as_deref_mut() {
-                trail.poses.push((row.count(1)? as u64, place - 1, pose));
+            let at = state.place_at(row, 2)?;
+            Arc::make_mut(&mut state.snapshot.nodes[at]).pose = pose;
+            if let Some(trail) = trail {
+                trail.poses.push((row.count(1)? as u64, at, pose));
             }
             Ok(())
-        },
-    )
-}
-
-/// The rows of `table` (features or appearances), by visit.
-fn read_features(
-    connection: &Connection,
-    table: &'static Table,
-    after: i64,
-    faults: &mut Faults,
-) -> Result<BTreeMap<i64, Features>> {
-    let mut all = BTreeMap::new();
-    scan(connection, table, after, faults, |row, _| {
-        all.insert(row.id, row.features(2, 3)?);
-        Ok(())
-    })?;
-    Ok(all)
-}
-
-fn read_visits(
-    connection: &Connection,
-    state: &mut State,
-    faults: &mut Faults,
-    mut trail: Option<&mut Trail>,
-) -> Result<()> {
-    let after = state.last_visit;
-    let mut born = read_features(connection, &format::FEATURE, after, faults)?;
-    let mut appearances = read_features(connection, &format::APPEARANCE, after, faults)?;
-    scan(connection, &format::VISIT, after, faults, |row, faults| {
-        let num_features = row.count(9)?;
-        if num_features > format::MAX_FEATURES {
-            let message = format!("a place holds at most {} features", format::MAX_FEATURES);
-            return Err(misfit(row, 9, message));
-        }
-        let bits = |column| {
-            format::decode_bits(row.blob(column)?, num_features).map_err(row.malformed(column))
-        };
-        let seen = bits(10)?;
-        let hidden = if row.is_null(11) {
-            None
-        } else {
-            Some(bits(11)?)
-        };
-        let visit = Visit {
-            id: VisitId(row.bits_128(4)?),
-            session: SessionId(row.bits_128(5)?),
-            time: Time::from_us(row.integer(6)?),
-            source: row.text(7)?.into(),
-            appearance: appearances.remove(&row.id).map(Arc::new),
-            appearance_use: digest::use_named(row.text(8)?)
-                .ok_or_else(|| misfit(row, 8, "neither `experience` nor `recognised`"))?,
-        };
-        let born = born.remove(&row.id).unwrap_or_default();
-        let located_by = row.blob(12)?;
-        let place = row.count(2)?;
-        let number = row.count(3)?;
-        if !faults.is_clean() {
-            return Ok(());
-        }
-        let at = place.wrapping_sub(1);
-        let Some(node) = state.snapshot.nodes.get_mut(at) else {
-            return Err(misfit(row, 2, format!("there is no place {place}")));
-        };
-        let expected = node.visits.len();
-        if number != expected {
-            let message = format!("visit {expected} of place {place} is missing");
-            return Err(misfit(row, 3, message));
-        }
-        if !state.visit_ids.insert(visit.id) {
-            let message = format!("visit {} is in the map twice", visit.id);
-            return Err(misfit(row, 4, message));
-        }
-        let node = Arc::make_mut(node);
-        let num_experiences = node.num_experiences_after(visit.appearance_use);
-        let located_by =
-            format::decode_bits(located_by, num_experiences).map_err(row.malformed(12))?;
-        node.push_visit(visit, &born, seen, hidden, located_by)
-            .map_err(|error| misfit(row, 9, error.to_string()))?;
-        state.chains[at] = digest::next_link(&state.chains[at], node, number);
-        state.last_visit = row.id;
-        if let Some(trail) = trail.as_deref_mut() {
-            trail
-                .links
-                .push((row.count(1)? as u64, at, state.chains[at], born.len()));
-        }
-        Ok(())
-    })?;
-    for (table, left) in [
-        (&format::FEATURE, born.keys().next()),
-        (&format::APPEARANCE, appearances.keys().next()),
-    ] {
-        if let Some(&row) = left
-            && faults.is_clean()
-        {
-            faults.add(Fault {
-                row: Some(row),
-                column: Some("visit"),
-                ..Fault::new(table.name, ErrorKind::Format, "there is no such visit")
-            })?;
-        }
+        })
     }
-    Ok(())
-}
 
-fn read_edges(
-    connection: &Connection,
-    state: &mut State,
-    last: &Generation,
-    faults: &mut Faults,
-    mut trail: Option<&mut Trail>,
-) -> Result<()> {
-    if state.edge_generation != last.edges {
-        state.snapshot.edges.clear();
-        state.edge_generation = last.edges;
+    /// The rows of `table` (features or appearances) that are of the line, by visit.
+    fn read_features(
+        &mut self,
+        table: &'static Table,
+        after: i64,
+    ) -> Result<BTreeMap<i64, Features>> {
+        let mut all = BTreeMap::new();
+        self.scan(table, after, |row, is_of_line, _, _| {
+            let features = row.features(2, 3)?;
+            if is_of_line {
+                all.insert(row.id, features);
+            }
+            Ok(())
+        })?;
+        Ok(all)
     }
-    let after = state.last_edge;
-    scan(connection, &format::EDGE, after, faults, |row, _| {
-        let edge = Edge {
-            from: row.key(2)?,
-            to: row.key(3)?,
-            name: row.text(4)?.into(),
-        };
-        let generation = row.count(1)? as u64;
-        if let Some(trail) = trail.as_deref_mut() {
-            trail.edges.push((generation, edge.clone()));
+
+    fn read_visits(&mut self, state: &mut State) -> Result<()> {
+        let after = state.last_visit;
+        let mut born = self.read_features(&format::FEATURE, after)?;
+        let mut appearances = self.read_features(&format::APPEARANCE, after)?;
+        self.scan(&format::VISIT, after, |row, is_of_line, faults, trail| {
+            let num_features = row.count(9)?;
+            if num_features > format::MAX_FEATURES {
+                let message = format!("a place holds at most {} features", format::MAX_FEATURES);
+                return Err(misfit(row, 9, message));
+            }
+            let bits = |column| {
+                format::decode_bits(row.blob(column)?, num_features).map_err(row.malformed(column))
+            };
+            let seen = bits(10)?;
+            let hidden = if row.is_null(11) {
+                None
+            } else {
+                Some(bits(11)?)
+            };
+            let visit = Visit {
+                id: VisitId(row.bits_128(4)?),
+                session: SessionId(row.bits_128(5)?),
+                time: Time::from_us(row.integer(6)?),
+                source: row.text(7)?.into(),
+                appearance: appearances.remove(&row.id).map(Arc::new),
+                appearance_use: digest::use_named(row.text(8)?)
+                    .ok_or_else(|| misfit(row, 8, "neither `experience` nor `recognised`"))?,
+            };
+            let born = born.remove(&row.id).unwrap_or_default();
+            let located_by = row.blob(12)?;
+            let number = row.count(3)?;
+            state.last_visit = row.id;
+            if !faults.is_clean() || !is_of_line {
+                return Ok(());
+            }
+            let at = state.place_at(row, 2)?;
+            let node = &mut state.snapshot.nodes[at];
+            let expected = node.visits.len();
+            if number != expected {
+                let place = row.count(2)?;
+                let message = format!("visit {expected} of place {place} is missing");
+                return Err(misfit(row, 3, message));
+            }
+            if !state.visit_ids.insert(visit.id) {
+                let message = format!("visit {} is in the map twice", visit.id);
+                return Err(misfit(row, 4, message));
+            }
+            let node = Arc::make_mut(node);
+            let num_experiences = node.num_experiences_after(visit.appearance_use);
+            let located_by =
+                format::decode_bits(located_by, num_experiences).map_err(row.malformed(12))?;
+            node.push_visit(visit, &born, seen, hidden, located_by)
+                .map_err(|error| misfit(row, 9, error.to_string()))?;
+            state.chains[at] = digest::next_link(&state.chains[at], node, number);
+            if let Some(trail) = trail {
+                trail
+                    .links
+                    .push((row.count(1)? as u64, at, state.chains[at], born.len()));
+            }
+            Ok(())
+        })?;
+        for (table, left) in [
+            (&format::FEATURE, born.keys().next()),
+            (&format::APPEARANCE, appearances.keys().next()),
+        ] {
+            if let Some(&row) = left
+                && self.faults.is_clean()
+            {
+                self.faults.add(Fault {
+                    row: Some(row),
+                    column: Some("visit"),
+                    ..Fault::new(table.name, ErrorKind::Format, "there is no such visit")
+                })?;
+            }
         }
-        if generation == last.edges {
-            state.snapshot.edges.push(edge);
-        }
-        state.last_edge = row.id;
         Ok(())
-    })
+    }
+
+    fn read_edges(&mut self, state: &mut State, last: &Generation) -> Result<()> {
+        if state.edge_generation != last.edges {
+            state.snapshot.edges.clear();
+            state.edge_generation = last.edges;
+        }
+        let after = state.last_edge;
+        self.scan(&format::EDGE, after, |row, is_of_line, _, trail| {
+            let edge = Edge {
+                from: row.key(2)?,
+                to: row.key(3)?,
+                name: row.text(4)?.into(),
+            };
+            state.last_edge = row.id;
+            if !is_of_line {
+                return Ok(());
+            }
+            let generation = row.count(1)? as u64;
+            if let Some(trail) = trail {
+                trail.edges.push((generation, edge.clone()));
+            }
+            if generation == last.edges {
+                state.snapshot.edges.push(edge);
+            }
+            Ok(())
+        })
+    }
+
+    fn read_attachments(&mut self, state: &mut State) -> Result<()> {
+        let after = state.last_attachment;
+        self.scan(
+            &format::ATTACHMENT,
+            after,
+            |row, is_of_line, faults, trail| {
+                let (name, value) = (row.text(2)?, row.blob(3)?);
+                check_attachment(name, value).map_err(|error| misfit(row, 2, error.to_string()))?;
+                state.last_attachment = row.id;
+                if !faults.is_clean() || !is_of_line {
+                    return Ok(());
+                }
+                let digest = (!value.is_empty()).then(|| digest::of_attachment(value));
+                if let Some(digest) = digest {
+                    state.attachments.insert(name.into(), digest);
+                    (state.snapshot.attachments).insert(name.into(), value.into());
+                } else {
+                    state.attachments.remove(name);
+                    state.snapshot.attachments.remove(name);
+                }
+                if let Some(trail) = trail {
+                    (trail.attachments).push((row.count(1)? as u64, name.into(), digest));
+                }
+                Ok(())
+            },
+        )
+    }
 }
 
 impl State {
@@ -744,11 +933,18 @@ impl State {
     pub(super) fn empty(meta: MapMeta) -> Self {
         Self {
             snapshot: Snapshot::empty(meta),
+            version: format::VERSION,
+            parent: None,
+            prunes: 0,
             chains: Vec::new(),
+            place_rows: Vec::new(),
             visit_ids: HashSet::new(),
+            attachments: BTreeMap::new(),
+            last_place: 0,
             last_visit: 0,
             last_pose: 0,
             last_edge: 0,
+            last_attachment: 0,
             meta_generation: 0,
             edge_generation: 0,
         }
@@ -759,14 +955,23 @@ impl State {
         let nodes = &self.snapshot.nodes;
         Generation {
             number: self.snapshot.generation,
+            parent: self.parent,
+            prunes: self.prunes,
             time,
             num_places: nodes.len(),
             num_visits: nodes.iter().map(|node| node.visits.len()).sum(),
             num_features: nodes.iter().map(|node| node.features.len()).sum(),
-            digest: digest::of_chains(&self.snapshot, &self.chains),
+            digest: digest::of_chains(&self.snapshot, &self.chains, &self.attachments),
             meta: self.meta_generation,
             edges: self.edge_generation,
         }
+    }
+
+    /// The position of the place whose row stands in `column`.
+    fn place_at(&self, row: &Row<'_>, column: usize) -> Result<usize, Fault> {
+        let place = row.integer(column)?;
+        (self.place_rows.binary_search(&place))
+            .map_err(|_| misfit(row, column, format!("there is no place {place}")))
     }
 
     fn check_against(&self, last: &Generation) -> Result<(), Fault> {

@@ -18,7 +18,7 @@ use rusqlite::{Connection, OpenFlags, TransactionBehavior};
 
 use super::change::Change;
 use super::digest;
-use super::format::{self, APPLICATION_ID, TABLES, Table, VERSION};
+use super::format::{self, APPLICATION_ID, TABLES, Table, VERSION, tables_of};
 use super::load::{self, Fault, Faults, Generation, State};
 use super::types::{MapMeta, Snapshot};
 use crate::error::{Error, ErrorKind, Result};
@@ -131,7 +131,7 @@ impl Map {
                     // Writing to a file of broken structure would spread the damage.
                     check_structure(connection, "quick_check", &mut Faults::strict())?;
                 }
-                load::load(connection, None, &mut Faults::strict(), None)
+                load::load(connection, None, None, &mut Faults::strict(), None)
             })?;
             let state =
                 state.ok_or_else(|| Error::new(ErrorKind::Format, "this map has no generation"))?;
@@ -176,11 +176,11 @@ impl Map {
         let mut stored = self.stored();
         let Stored { connection, state } = &mut *stored;
         let newest = reading(connection, |connection| {
-            let number = newest_generation(connection).map_err(|error| sqlite_error(&error))?;
-            if number == state.snapshot.generation {
+            let newest = newest_generation(connection).map_err(|error| sqlite_error(&error))?;
+            if newest == (state.snapshot.generation, state.prunes) {
                 return Ok(None);
             }
-            load::load(connection, Some(state.clone()), &mut Faults::strict(), None)
+            load::catch_up(connection, state.clone())
         })
         .map_err(|error| error.with_path(&self.path))?;
         if let Some(newest) = newest {
@@ -193,17 +193,39 @@ impl Map {
     /// Every commit, oldest first.
     pub fn generations(&self) -> Result<Vec<Generation>> {
         reading(&mut self.stored().connection, |connection| {
-            load::read_generations(connection, None, &mut Faults::strict())
+            let version = load::format_version(connection)?;
+            load::read_generations(connection, version, None, &mut Faults::strict())
         })
+        .map_err(|error| error.with_path(&self.path))
+    }
+
+    /// The map as it was at a generation. Reads the whole file.
+    pub fn at(&self, generation: u64) -> Result<Arc<Snapshot>> {
+        self.state_at(&mut self.stored().connection, generation)
+            .map(|state| Arc::new(state.snapshot))
+    }
+
+    fn state_at(&self, connection: &mut Connection, generation: u64) -> Result<State> {
+        reading(connection, |connection| {
+            load::load(
+                connection,
+                None,
+                Some(generation),
+                &mut Faults::strict(),
+                None,
+            )
+        })
+        .and_then(|state| state.ok_or_else(|| load::no_generation(generation)))
         .map_err(|error| error.with_path(&self.path))
     }
 
     /// Makes `snapshot` the stored state in one transaction, and gives its generation number.
     ///
     /// `snapshot` must extend the stored state: the same places and visits in the same order, then
-    /// new ones; poses, edges, preset and zone may differ freely; its generation number is not
-    /// looked at. Once this returns, the commit survives a power loss; on any error the stored state
-    /// is as before. If nothing differs nothing is written.
+    /// new ones; poses, edges, attachments, preset and zone may differ freely; its generation number
+    /// is not looked at. Once this returns, the commit survives a power loss; on any error the stored
+    /// state is as before. If nothing differs nothing is written. The first commit to a file of an
+    /// older format makes it one of today's.
     pub fn commit(&self, snapshot: &Snapshot) -> Result<u64> {
         self.commit_at(snapshot, now())
     }
@@ -222,37 +244,123 @@ impl Map {
         if change.is_nothing() {
             return Ok(state.snapshot.generation);
         }
-        if self.is_read_only {
-            return Err(Error::new(ErrorKind::Io, "this map is open read-only")
-                .with_help("copy it to a place where it may be written"));
-        }
-        let mut next = change.apply(state, snapshot);
-        let _shared = shared();
-        let transaction = connection
-            .transaction_with_behavior(TransactionBehavior::Immediate)
-            .map_err(|error| sqlite_error(&error))?;
-        let number = newest_generation(&transaction).map_err(|error| sqlite_error(&error))?;
-        if number != state.snapshot.generation {
-            return Err(Error::new(
-                ErrorKind::Config,
-                format!(
-                    "another process has committed generation {number} on top of {}, which this \
-                     change was made for",
-                    state.snapshot.generation
-                ),
-            )
-            .with_help("refresh the map and repeat the change"));
-        }
-        change
-            .write(&transaction, state, &next)
-            .and_then(|()| insert_generation(&transaction, &next.totals(time)))
-            .and_then(|()| transaction.commit())
-            .map_err(|error| sqlite_error(&error))?;
-        self.publish(&next.snapshot);
+        let mut next = change.apply(state, snapshot, state.snapshot.generation + 1);
+        self.write(connection, state, state, &change, &mut next, time)?;
         let new_ids = std::mem::replace(&mut next.visit_ids, std::mem::take(&mut state.visit_ids));
         next.visit_ids.extend(new_ids);
         *state = next;
         Ok(state.snapshot.generation)
+    }
+
+    /// Makes a past generation the stored state again, as a new generation, and gives its number.
+    ///
+    /// Nothing is lost: what was committed since stays in the file, and can be returned to by its
+    /// number. The snapshot equals the past one in everything but its number.
+    pub fn rollback(&self, to: u64) -> Result<u64> {
+        self.rollback_at(to, now())
+    }
+
+    /// [`rollback`](Self::rollback) with the time to write down as that of the commit.
+    pub fn rollback_at(&self, to: u64, time: Time) -> Result<u64> {
+        let mut stored = self.stored();
+        let Stored { connection, state } = &mut *stored;
+        if to == state.snapshot.generation {
+            return Ok(to);
+        }
+        let past = self.state_at(connection, to)?;
+        self.branch(connection, state, past, None, time)
+    }
+
+    /// Makes `snapshot` the stored state, whether or not it extends the one before, and gives its
+    /// generation number.
+    ///
+    /// What extends the stored state is committed; anything else is written as a whole, so the file
+    /// grows by all of it until it is pruned. UUID and extractor must stay. As with
+    /// [`rollback`](Self::rollback) nothing is lost.
+    pub fn replace(&self, snapshot: &Snapshot) -> Result<u64> {
+        self.replace_at(snapshot, now())
+    }
+
+    /// [`replace`](Self::replace) with the time to write down as that of the commit.
+    pub fn replace_at(&self, snapshot: &Snapshot, time: Time) -> Result<u64> {
+        let mut stored = self.stored();
+        let Stored { connection, state } = &mut *stored;
+        if Change::between(state, snapshot).is_ok() {
+            drop(stored);
+            return self.commit_at(snapshot, time);
+        }
+        let empty = self.state_at(connection, 0)?;
+        self.branch(connection, state, empty, Some(snapshot), time)
+    }
+
+    /// Commits on top of `past`, a state of another generation than the newest: `next`, or else the
+    /// past itself.
+    fn branch(
+        &self,
+        connection: &mut Connection,
+        state: &mut State,
+        mut past: State,
+        next: Option<&Snapshot>,
+        time: Time,
+    ) -> Result<u64> {
+        let mut commit = || {
+            let same = Arc::new(past.snapshot.clone());
+            let snapshot = next.unwrap_or(&same);
+            let change = Change::between(&past, snapshot)?;
+            let mut after = change.apply(&past, snapshot, state.snapshot.generation + 1);
+            self.write(connection, state, &past, &change, &mut after, time)?;
+            after.visit_ids.extend(std::mem::take(&mut past.visit_ids));
+            *state = after;
+            Ok(state.snapshot.generation)
+        };
+        commit().map_err(|error: Error| error.with_path(&self.path))
+    }
+
+    /// Writes what leads from `before` to `after` in one transaction, if the file still is as in
+    /// `newest`.
+    fn write(
+        &self,
+        connection: &mut Connection,
+        newest: &State,
+        before: &State,
+        change: &Change,
+        after: &mut State,
+        time: Time,
+    ) -> Result<()> {
+        if self.is_read_only {
+            return Err(Error::new(ErrorKind::Io, "this map is open read-only")
+                .with_help("copy it to a place where it may be written"));
+        }
+        let _shared = shared();
+        let transaction = connection
+            .transaction_with_behavior(TransactionBehavior::Immediate)
+            .map_err(|error| sqlite_error(&error))?;
+        let (number, prunes) =
+            newest_generation(&transaction).map_err(|error| sqlite_error(&error))?;
+        if (number, prunes) != (newest.snapshot.generation, newest.prunes) {
+            let what = if prunes == newest.prunes {
+                format!(
+                    "another process has committed generation {number} on top of {}, which this \
+                     change was made for",
+                    newest.snapshot.generation
+                )
+            } else {
+                "another process has pruned the map since this change was made".into()
+            };
+            return Err(Error::new(ErrorKind::Config, what)
+                .with_help("refresh the map and repeat the change"));
+        }
+        if before.version < VERSION {
+            migrate(&transaction, before.version)?;
+            after.version = VERSION;
+        }
+        change
+            .write(&transaction, before, after)
+            .and_then(|()| insert_generation(&transaction, &after.totals(time)))
+            .and_then(|()| transaction.commit())
+            .map_err(|error| sqlite_error(&error))?;
+        self.publish(&after.snapshot);
+        Ok(())
     }
 
     fn stored(&self) -> MutexGuard<'_, Stored> {
@@ -313,10 +421,28 @@ pub(super) fn reading<T>(
     read(&transaction)
 }
 
-fn newest_generation(connection: &Connection) -> rusqlite::Result<u64> {
-    connection.query_row("SELECT max(number) FROM generation", [], |row| {
-        row.get::<_, i64>(0).map(|number| number as u64)
+/// The newest generation's number, and how often the file was pruned.
+fn newest_generation(connection: &Connection) -> rusqlite::Result<(u64, u64)> {
+    let version: u32 = connection.query_row("PRAGMA user_version", [], |row| row.get(0))?;
+    let prunes = if version == 1 { "0" } else { "prunes" };
+    let newest = format!("SELECT number, {prunes} FROM generation ORDER BY number DESC LIMIT 1");
+    connection.query_row(&newest, [], |row| {
+        Ok((row.get::<_, i64>(0)? as u64, row.get::<_, i64>(1)? as u64))
     })
+}
+
+/// Makes a file of format 1 one of format 2, inside of the caller's transaction: generations learn
+/// their parents, and there may be attachments.
+fn migrate(connection: &Connection, from: u32) -> Result<()> {
+    let generations = load::read_generations(connection, from, None, &mut Faults::strict())?;
+    let write = || {
+        connection.execute("DROP TABLE generation", [])?;
+        connection.execute(format::GENERATION.create, [])?;
+        connection.execute(format::ATTACHMENT.create, [])?;
+        connection.pragma_update(None, "user_version", VERSION)?;
+        (generations.iter()).try_for_each(|generation| insert_generation(connection, generation))
+    };
+    write().map_err(|error: rusqlite::Error| sqlite_error(&error))
 }
 
 /// Writes one row with its checksum; the values are all columns before `crc`.
@@ -354,6 +480,9 @@ pub(super) fn insert_meta(
 fn insert_generation(connection: &Connection, it: &Generation) -> rusqlite::Result<()> {
     let values = [
         ValueRef::Integer(it.number as i64),
+        it.parent
+            .map_or(ValueRef::Null, |parent| ValueRef::Integer(parent as i64)),
+        ValueRef::Integer(it.prunes as i64),
         ValueRef::Integer(it.time.as_us()),
         ValueRef::Integer(it.meta as i64),
         ValueRef::Integer(it.edges as i64),
@@ -365,8 +494,10 @@ fn insert_generation(connection: &Connection, it: &Generation) -> rusqlite::Resu
     insert(connection, &format::GENERATION, &values)
 }
 
-/// Whether the tables are those of format 1 and nothing else is there that could act on them.
+/// Whether the tables are those of the file's format and nothing else is there that could act on them.
 pub(super) fn check_schema(connection: &Connection, faults: &mut Faults) -> Result<()> {
+    let version = load::format_version(connection)?;
+    let tables = tables_of(version);
     let read = || -> rusqlite::Result<Vec<(String, Option<String>)>> {
         connection
             .prepare("SELECT name, sql FROM sqlite_schema WHERE name NOT LIKE 'sqlite\\_%' ESCAPE '\\' ORDER BY rowid")?
@@ -377,7 +508,7 @@ pub(super) fn check_schema(connection: &Connection, faults: &mut Faults) -> Resu
         Ok(found) => found,
         Err(error) => return faults.add(load::from_sqlite("file", None, &error)?),
     };
-    for table in TABLES {
+    for table in tables {
         match found.iter().find(|(name, _)| name == table.name) {
             None => faults.add(Fault::new(
                 table.name,
@@ -387,19 +518,19 @@ pub(super) fn check_schema(connection: &Connection, faults: &mut Faults) -> Resu
             Some((_, sql)) if sql.as_deref() != Some(table.create) => faults.add(Fault::new(
                 table.name,
                 ErrorKind::Format,
-                "the table is not declared as in format 1",
+                format!("the table is not declared as in format {version}"),
             ))?,
             Some(_) => {}
         }
     }
     let foreign = found
         .iter()
-        .find(|(name, _)| TABLES.iter().all(|table| table.name != name));
+        .find(|(name, _)| tables.iter().all(|table| table.name != name));
     if let Some((name, _)) = foreign {
         faults.add(Fault::new(
             "file",
             ErrorKind::Format,
-            format!("`{}` is no part of format 1", name.escape_debug()),
+            format!("`{}` is no part of format {version}", name.escape_debug()),
         ))?;
     }
     Ok(())

@@ -1,5 +1,6 @@
 //! Places, visits and edges as plain data.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
@@ -186,6 +187,9 @@ pub struct Snapshot {
     pub nodes: Vec<Arc<Node>>,
     /// The ways between them.
     pub edges: Vec<Edge>,
+    /// What other rooms keep with the map, by a name in kebab case of at most 64 bytes: values of at
+    /// most 16 MiB that this room does not look into. An empty value is the same as none.
+    pub attachments: BTreeMap<String, Arc<[u8]>>,
 }
 
 impl Snapshot {
@@ -196,6 +200,7 @@ impl Snapshot {
             meta,
             nodes: Vec::new(),
             edges: Vec::new(),
+            attachments: BTreeMap::new(),
         }
     }
 

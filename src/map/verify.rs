@@ -1,9 +1,10 @@
 //! Is a map file, byte for byte, what was written?
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use rusqlite::OpenFlags;
+use rusqlite::{Connection, OpenFlags};
 
 use super::digest::{self, ContentDigest};
 use super::load::{self, Fault, Faults, Generation, State, Trail};
@@ -74,11 +75,12 @@ fn verify(path: &Path) -> Result<VerifyReport> {
             let message = format!("the file has {found} bytes, its pages {pages}");
             faults.add(Fault::new("file", ErrorKind::Format, message))?;
         }
-        let state = load::load(connection, None, &mut faults, Some(&mut trail));
+        let state = load::load(connection, None, None, &mut faults, Some(&mut trail));
         if faults.is_clean()
             && let Ok(Some(state)) = &state
         {
             check_trail(&trail, &state.snapshot).or_else(|fault| faults.add(fault))?;
+            check_branches(connection, state.snapshot.generation, &mut faults)?;
         }
         state
     });
@@ -108,7 +110,27 @@ fn verify(path: &Path) -> Result<VerifyReport> {
     })
 }
 
-/// Whether every generation, not only the last, was what its row says: the commits are made again,
+/// Whether the generations that do not lead to the newest one are what their rows say.
+/// O(branches * bytes).
+fn check_branches(connection: &Connection, newest: u64, faults: &mut Faults) -> Result<()> {
+    let version = load::format_version(connection)?;
+    let generations = load::read_generations(connection, version, None, faults)?;
+    let parents: BTreeSet<u64> = generations.iter().filter_map(|it| it.parent).collect();
+    for end in generations.iter().map(|it| it.number) {
+        if end == newest || parents.contains(&end) || !faults.is_clean() {
+            continue;
+        }
+        let mut trail = Trail::default();
+        if let Some(state) = load::load(connection, None, Some(end), faults, Some(&mut trail))?
+            && faults.is_clean()
+        {
+            check_trail(&trail, &state.snapshot).or_else(|fault| faults.add(fault))?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether every generation of a line, not only the last, was what its row says: the commits are made again,
 /// with the chains in place of the visits. O(generations * places + visits).
 fn check_trail(trail: &Trail, whole: &Snapshot) -> Result<(), Fault> {
     let Some((_, meta)) = trail.metas.first() else {
@@ -118,6 +140,7 @@ fn check_trail(trail: &Trail, whole: &Snapshot) -> Result<(), Fault> {
     let (mut num_visits, mut num_features) = (0, 0);
     let mut poses = trail.poses.iter().peekable();
     let mut links = trail.links.iter().peekable();
+    let mut attachments = trail.attachments.iter().peekable();
     for written in &trail.generations {
         let number = written.number;
         replay.snapshot.generation = number;
@@ -143,6 +166,12 @@ fn check_trail(trail: &Trail, whole: &Snapshot) -> Result<(), Fault> {
         while let Some((_, place, pose)) = poses.next_if(|pose| pose.0 <= number) {
             if let Some(node) = replay.snapshot.nodes.get_mut(*place) {
                 Arc::make_mut(node).pose = *pose;
+            }
+        }
+        while let Some((_, name, digest)) = attachments.next_if(|it| it.0 <= number) {
+            match digest {
+                Some(digest) => drop(replay.attachments.insert(name.clone(), *digest)),
+                None => drop(replay.attachments.remove(name)),
             }
         }
         while let Some((_, place, link, born)) = links.next_if(|link| link.0 <= number) {

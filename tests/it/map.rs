@@ -75,6 +75,7 @@ enum Step {
     },
     NoEdges,
     Zone(bool),
+    Attach(u8, Vec<u8>),
 }
 
 fn step() -> impl Strategy<Value = Step> {
@@ -90,6 +91,8 @@ fn step() -> impl Strategy<Value = Step> {
         2 => (0..4_u8, 0..4_u8).prop_map(|(from, to)| Step::Edge { from, to }),
         1 => Just(Step::NoEdges),
         1 => any::<bool>().prop_map(Step::Zone),
+        2 => (0..3_u8, proptest::collection::vec(any::<u8>(), 0..40))
+            .prop_map(|(name, value)| Step::Attach(name, value)),
     ]
 }
 
@@ -150,6 +153,13 @@ fn take(snapshot: &mut Snapshot, number: u64, step: &Step) {
         }
         Step::NoEdges => snapshot.edges.clear(),
         Step::Zone(set) => snapshot.meta.zone = set.then(|| "Europe/Prague".into()),
+        Step::Attach(name, value) if value.is_empty() => {
+            snapshot.attachments.remove(&format!("value-{name}"));
+        }
+        Step::Attach(name, value) => {
+            let name = format!("value-{name}");
+            snapshot.attachments.insert(name, value.as_slice().into());
+        }
     }
 }
 
@@ -176,7 +186,11 @@ fn folder() -> (tempfile::TempDir, PathBuf) {
 }
 
 fn same(a: &Snapshot, b: &Snapshot) -> bool {
-    (&a.meta, &a.nodes, &a.edges) == (&b.meta, &b.nodes, &b.edges)
+    let all = |of: &Snapshot| Snapshot {
+        generation: 0,
+        ..of.clone()
+    };
+    all(a) == all(b)
 }
 
 proptest! {
@@ -215,6 +229,46 @@ proptest! {
         let report = Map::verify(&path).expect("is a map");
         prop_assert!(report.is_clean(), "{:?}", report.faults);
         prop_assert_eq!(report.digest, Some(snapshot.digest()));
+    }
+
+    #[test]
+    fn every_generation_can_be_returned_to_and_nothing_is_lost(
+        steps in proptest::collection::vec((step(), proptest::option::of(0..100_u64)), 1..12),
+    ) {
+        let (_folder, path) = folder();
+        let map = Map::create(&path, meta()).expect("new");
+        let reader = Map::open_read_only(&path).expect("is a map");
+        let mut known = vec![map.snapshot()];
+        for (number, (step, back)) in steps.iter().enumerate() {
+            if let Some(back) = back {
+                let to = back % known.len() as u64;
+                let generation = map.rollback(to).expect("there");
+                prop_assert!(same(&map.snapshot(), &known[to as usize]));
+                prop_assert_eq!(map.snapshot().generation, generation);
+                if generation == known.len() as u64 {
+                    known.push(map.snapshot());
+                }
+                prop_assert_eq!(reader.refresh().expect("sound"), map.snapshot());
+            }
+            let mut snapshot = Snapshot::clone(&map.snapshot());
+            take(&mut snapshot, number as u64, step);
+            if map.commit(&snapshot).expect("extends") == known.len() as u64 {
+                known.push(map.snapshot());
+            }
+            prop_assert_eq!(reader.refresh().expect("sound"), map.snapshot());
+        }
+        let reopened = Map::open(&path).expect("is a map");
+        prop_assert_eq!(reopened.snapshot(), map.snapshot());
+        for past in &known {
+            prop_assert_eq!(&reopened.at(past.generation).expect("there"), past);
+        }
+        let generations = reopened.generations().expect("readable");
+        prop_assert_eq!(generations.len(), known.len());
+        for (generation, past) in generations.iter().zip(&known) {
+            prop_assert_eq!(generation.digest, past.digest());
+        }
+        let report = Map::verify(&path).expect("is a map");
+        prop_assert!(report.is_clean(), "{:?}", report.faults);
     }
 }
 
@@ -753,6 +807,110 @@ fn summary_counts_what_is_there() {
     assert!(summary.first < summary.last);
 }
 
+#[test]
+fn attachments_are_kept_replaced_and_removed_and_odd_ones_refused() {
+    let (_folder, path) = folder();
+    let (map, mut snapshot) = small(&path);
+    let without = snapshot.digest();
+    snapshot
+        .attachments
+        .insert("a-b2".into(), vec![0; 1 << 24].into());
+    snapshot.attachments.insert("empty".into(), Arc::default());
+    assert_eq!(map.commit(&snapshot).expect("extends"), 2);
+    assert_eq!(map.commit(&snapshot).expect("nothing new"), 2);
+    snapshot.attachments.remove("empty");
+    assert!(same(&map.snapshot(), &snapshot), "an empty value is none");
+    assert!(same(
+        &Map::open(&path).expect("sound").snapshot(),
+        &snapshot
+    ));
+    assert_ne!(snapshot.digest(), without);
+    // Not taken over by a snapshot that leaves it out, but still in the past.
+    snapshot.attachments.clear();
+    assert_eq!(map.commit(&snapshot).expect("extends"), 3);
+    assert!(
+        Map::open(&path)
+            .expect("sound")
+            .snapshot()
+            .attachments
+            .is_empty()
+    );
+    assert_eq!(snapshot.digest(), without);
+    assert_eq!(map.at(2).expect("there").attachments["a-b2"].len(), 1 << 24);
+    for (name, len, expected) in [
+        ("", 1, "no name"),
+        ("Upper", 1, "no name"),
+        ("a--b", 1, "no name"),
+        ("-a", 1, "no name"),
+        ("a_b", 1, "no name"),
+        ("a".repeat(65).as_str(), 1, "at most 64 bytes"),
+        ("large", (1 << 24) + 1, "16777217 bytes"),
+    ] {
+        let mut odd = snapshot.clone();
+        odd.attachments.insert(name.into(), vec![1; len].into());
+        let error = map.commit(&odd).expect_err(name).to_string();
+        assert!(error.contains(expected), "{name}: {error}");
+    }
+    assert_eq!(map.snapshot().generation, 3);
+    assert!(Map::verify(&path).expect("sound").is_clean());
+}
+
+#[test]
+fn a_rollback_to_what_is_not_there_or_not_newest_is_refused() {
+    let (_folder, path) = folder();
+    let (map, snapshot) = small(&path);
+    let error = map.rollback(7).expect_err("never was").to_string();
+    assert!(error.contains("no generation 7"), "{error}");
+    assert!(error.contains("map log"), "{error}");
+    assert_eq!(map.rollback(1).expect("it is there already"), 1);
+    let other = Map::open(&path).expect("a map");
+    assert_eq!(other.rollback(0).expect("there"), 2);
+    assert!(other.snapshot().nodes.is_empty());
+    let error = map.rollback(0).expect_err("not newest").to_string();
+    assert!(error.contains("another process"), "{error}");
+    assert!(map.refresh().expect("sound").nodes.is_empty());
+    // Forward again, and the same visit may be learnt a second time after a rollback.
+    assert_eq!(map.rollback(1).expect("there"), 3);
+    assert!(same(&map.snapshot(), &snapshot));
+    assert_eq!(map.rollback(0).expect("there"), 4);
+    assert_eq!(map.commit(&snapshot).expect("extends"), 5);
+    let generations = map.generations().expect("readable");
+    let parents: Vec<_> = generations.iter().map(|it| it.parent).collect();
+    assert_eq!(parents, [None, Some(0), Some(0), Some(1), Some(0), Some(4)]);
+    assert!(Map::verify(&path).expect("a map").is_clean());
+    let read_only = Map::open_read_only(&path).expect("a map");
+    let error = read_only.rollback(0).expect_err("read-only").to_string();
+    assert!(error.contains("read-only"), "{error}");
+}
+
+#[test]
+fn replacing_writes_what_a_commit_refuses_and_keeps_the_past() {
+    let (_folder, path) = folder();
+    let (map, old) = small(&path);
+    let mut new = old.clone();
+    let first = new.find(&place(0)).expect("there");
+    let node = Arc::clone(&new.nodes[1]);
+    new.nodes.clear();
+    new.push_node(Node::clone(&node)).expect("only one");
+    assert!(map.commit(&new).is_err());
+    assert_eq!(map.replace(&new).expect("written"), 2);
+    assert!(same(&map.snapshot(), &new));
+    assert_eq!(new.find(&place(1)), Some(first));
+    // What extends is an ordinary commit.
+    new.meta.zone = Some("Europe/Prague".into());
+    assert_eq!(map.replace(&new).expect("written"), 3);
+    let parents: Vec<_> = (map.generations().expect("readable").iter())
+        .map(|it| it.parent)
+        .collect();
+    assert_eq!(parents, [None, Some(0), Some(0), Some(2)]);
+    assert!(same(&Map::open(&path).expect("a map").snapshot(), &new));
+    assert!(same(&map.at(1).expect("kept"), &old));
+    new.meta.uuid = 1;
+    let error = map.replace(&new).expect_err("another map").to_string();
+    assert!(error.contains("uuid"), "{error}");
+    assert!(Map::verify(&path).expect("a map").is_clean());
+}
+
 /// The content of `maps/golden/format-1.map`: never to be changed.
 fn golden() -> Snapshot {
     let mut snapshot = Snapshot::empty(MapMeta {
@@ -827,20 +985,33 @@ fn golden() -> Snapshot {
     snapshot
 }
 
-fn golden_path() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("maps/golden/format-1.map")
+/// The content of `maps/golden/format-2.map`: never to be changed.
+fn golden_2() -> Snapshot {
+    let mut snapshot = golden();
+    let values: [(&str, &[u8]); 2] = [("calibration", &[0, 255, 1, 128]), ("held-visits", b"[]")];
+    for (name, value) in values {
+        snapshot.attachments.insert(name.into(), value.into());
+    }
+    snapshot
+}
+
+fn golden_path(format: u32) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("maps/golden/format-{format}.map"))
+}
+
+fn hex(digest: [u8; 32]) -> String {
+    digest.map(|byte| format!("{byte:02x}")).concat()
 }
 
 #[test]
 fn golden_map_of_format_1_still_opens() {
-    let path = golden_path();
+    let path = golden_path(1);
     let bytes = std::fs::read(&path).expect("committed");
     assert!(bytes.len() < 64 * 1024);
     let map = Map::open_read_only(&path).expect("a map for ever");
     let snapshot = map.snapshot();
     assert!(same(&snapshot, &golden()));
     assert_eq!(snapshot.generation, 2);
-    let hex = |digest: [u8; 32]| digest.map(|byte| format!("{byte:02x}")).concat();
     assert_eq!(
         hex(snapshot.digest()),
         "53b28ba2c6d4145d992bd308e98ddbab58f879bfaf97b0137d72a8f17a61bd44"
@@ -848,7 +1019,64 @@ fn golden_map_of_format_1_still_opens() {
     let report = Map::verify(&path).expect("a map");
     assert!(report.is_clean(), "{:?}", report.faults);
     assert_eq!(std::fs::read(&path).expect("there"), bytes);
-    // Today's maps still are of format 1, or this test needs a sister.
+}
+
+#[test]
+fn a_map_of_format_1_becomes_one_of_today_at_its_first_commit() {
+    let (folder, path) = folder();
+    std::fs::copy(golden_path(1), &path).expect("writable");
+    let before = std::fs::read(&path).expect("there");
+    let map = Map::open(&path).expect("a map");
+    let reader = Map::open_read_only(&path).expect("a map");
+    let generations = map.generations().expect("readable");
+    assert_eq!(map.commit(&map.snapshot()).expect("nothing new"), 2);
+    assert_eq!(std::fs::read(&path).expect("there"), before);
+    let mut next = golden_2();
+    take(&mut next, 70, &Step::Zone(false));
+    assert_eq!(map.commit(&next).expect("extends"), 3);
+    assert_eq!(reader.refresh().expect("sound"), map.snapshot());
+    assert_eq!(map.generations().expect("readable")[..3], generations);
+    assert_eq!(map.rollback(2).expect("there"), 4);
+    assert!(same(&map.snapshot(), &golden()));
+    for map in [&map, &Map::open(&path).expect("a map"), &reader] {
+        map.refresh().expect("sound");
+        assert!(same(&map.snapshot(), &golden()));
+        assert!(same(&map.at(3).expect("there"), &next));
+    }
+    let report = Map::verify(&path).expect("a map");
+    assert!(report.is_clean(), "{:?}", report.faults);
+    // A rollback can be what makes it one of today's, too.
+    let path = folder.path().join("b.map");
+    std::fs::copy(golden_path(1), &path).expect("writable");
+    let map = Map::open(&path).expect("a map");
+    assert_eq!(map.rollback(0).expect("there"), 3);
+    assert!(Map::open(&path).expect("a map").snapshot().nodes.is_empty());
+    assert!(Map::verify(&path).expect("a map").is_clean());
+}
+
+#[test]
+fn golden_map_of_format_2_still_opens() {
+    let path = golden_path(2);
+    let bytes = std::fs::read(&path).expect("committed");
+    assert!(bytes.len() < 80 * 1024);
+    let map = Map::open_read_only(&path).expect("a map for ever");
+    let snapshot = map.snapshot();
+    assert!(same(&snapshot, &golden_2()));
+    assert_eq!(snapshot.generation, 5);
+    assert_eq!(
+        hex(snapshot.digest()),
+        "cbbd31faa89ead3af239625e725c1411b6c79953c4110753d6a09a9905f2f9fc"
+    );
+    let parents: Vec<_> = (map.generations().expect("readable").iter())
+        .map(|it| it.parent)
+        .collect();
+    assert_eq!(parents, [None, Some(0), Some(1), Some(2), Some(2), Some(4)]);
+    assert!(same(&map.at(2).expect("there"), &golden()));
+    assert_eq!(map.at(3).expect("there").attachments.len(), 1);
+    let report = Map::verify(&path).expect("a map");
+    assert!(report.is_clean(), "{:?}", report.faults);
+    assert_eq!(std::fs::read(&path).expect("there"), bytes);
+    // Today's maps still are of format 2, or this test needs a sister.
     let (_folder, path) = folder();
     write_golden(&path);
     let today = Map::open(&path).expect("a map");
@@ -867,6 +1095,29 @@ fn write_golden(path: &Path) {
     first.nodes.push(Arc::clone(&whole.nodes[0]));
     map.commit_at(&first, Time::from_s(2)).expect("extends");
     map.commit_at(&whole, Time::from_s(3)).expect("extends");
+    // One more that is taken back, then the attachments.
+    let mut mistaken = whole.clone();
+    mistaken
+        .attachments
+        .insert("calibration".into(), [9; 40].as_slice().into());
+    let lamp_post = mistaken.find(&whole.nodes[1].key).expect("there");
+    mistaken.node_mut(lamp_post).pose = Some([1.0, 2.0, 3.0]);
+    take(
+        &mut mistaken,
+        90,
+        &Step::Visit {
+            place: 0,
+            born: 3,
+            seen: vec![true],
+            hidden: None,
+            located_by: vec![true],
+            kept: true,
+        },
+    );
+    map.commit_at(&mistaken, Time::from_s(4)).expect("extends");
+    map.rollback_at(2, Time::from_s(5)).expect("there");
+    map.commit_at(&golden_2(), Time::from_s(6))
+        .expect("extends");
 }
 
 /// For a new format, `CHRONOTOPE_WRITE_GOLDEN=1 cargo test --test it golden_map_is_written` writes into
@@ -874,14 +1125,14 @@ fn write_golden(path: &Path) {
 #[test]
 fn golden_map_is_written() {
     if std::env::var_os("CHRONOTOPE_WRITE_GOLDEN").is_some() {
-        return write_golden(&golden_path());
+        return write_golden(&golden_path(2));
     }
     let dir = tempfile::tempdir().expect("temporary folder");
     let path = dir.path().join("golden.map");
     write_golden(&path);
     let written = Map::open(&path).expect("opens").snapshot();
-    let known = Map::open_read_only(golden_path())
+    let known = Map::open_read_only(golden_path(2))
         .expect("opens")
         .snapshot();
-    assert_eq!(written.nodes, known.nodes);
+    assert_eq!(written, known);
 }

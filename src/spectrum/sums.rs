@@ -29,7 +29,7 @@ pub const P_UNKNOWN: f64 = 0.5;
 
 /// Rounds a number of at most 2^10 to a multiple of 2^-40.
 #[inline]
-fn to_fixed(value: f64) -> i64 {
+pub(crate) fn to_fixed(value: f64) -> i64 {
     // Adding 1.5 * 2^52 leaves the rounded integer in the low bits.
     const MAGIC: f64 = 6_755_399_441_055_744.0;
     (value * ONE + MAGIC).to_bits() as i64 - MAGIC.to_bits() as i64
@@ -194,7 +194,7 @@ fn add(sums: &mut [i64], terms: &[i64]) {
     }
 }
 
-fn too_many(count: usize) -> Error {
+pub(crate) fn too_many(count: usize) -> Error {
     Error::new(
         ErrorKind::Shape,
         format!("{count} observations are more than the {MAX_OBSERVATIONS} that sums can hold"),

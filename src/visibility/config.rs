@@ -220,6 +220,13 @@ pub enum ModelConfig {
         #[serde(default)]
         balance: Balance,
     },
+    /// Least squares on the rhythms of year, week and day that held-out days bear out, all features of
+    /// the place together: a [`Fremen`](super::Fremen) in form; [`VisibilityConfig::natural`].
+    Natural {
+        /// Penalty on a rhythm, in independent observations.
+        #[serde(default = "three")]
+        ridge: f64,
+    },
     /// Harmonic least squares on rhythms that all features of the place share, a
     /// [`Fremen`](super::Fremen) in form. Needs harmonic candidates.
     LeastSquares {
@@ -278,6 +285,10 @@ pub enum ModelConfig {
     },
 }
 
+fn three() -> f64 {
+    3.0
+}
+
 fn a_tenth() -> f64 {
     0.1
 }
@@ -328,18 +339,14 @@ impl ModelConfig {
                 ..
             } => held_out.validate(),
             Self::Mean {} | Self::Fremen { .. } | Self::Markov {} => Ok(()),
+            Self::Natural { ridge } => positive("ridge", *ridge),
             Self::LeastSquares {
                 candidates,
                 order,
                 harmonics,
                 ridge,
             } => {
-                if !(ridge.is_finite() && *ridge > 0.0) {
-                    return Err(Error::new(
-                        ErrorKind::Config,
-                        format!("ridge must be a finite number above 0, not {ridge}"),
-                    ));
-                }
+                positive("ridge", *ridge)?;
                 shared_rhythms(candidates, harmonics.as_deref())?;
                 order.validate()
             }
@@ -389,6 +396,16 @@ fn shared_rhythms(candidates: &CandidatePeriods, harmonics: Option<&[u16]>) -> R
         )));
     }
     Ok(())
+}
+
+fn positive(name: &str, value: f64) -> Result<()> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(());
+    }
+    Err(Error::new(
+        ErrorKind::Config,
+        format!("{name} must be a finite number above 0, not {value}"),
+    ))
 }
 
 fn not_negative(name: &str, value: f64) -> Result<()> {
@@ -464,6 +481,16 @@ impl VisibilityConfig {
             min_sigmas: 5.0,
         };
         Self::fremen(CandidatePeriods::natural(), Order::Fixed(1)).with_guards(Some(guards))
+    }
+
+    /// Mean and the natural rhythms (year, week, day and their harmonics) that whole held-out days bear
+    /// out, solved for together: the model for a series of any sampling, and the default of
+    /// `chronotope spectrum` and of the series' suites. It has no options to tune.
+    pub fn natural() -> Self {
+        Self {
+            model: ModelConfig::Natural { ridge: three() },
+            ..Self::default()
+        }
     }
 
     /// Any model, without guards, unborn features not seen.

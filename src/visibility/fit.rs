@@ -2,6 +2,7 @@
 
 use super::config::{HeldOut, ModelConfig, VisibilityConfig};
 use super::evidence::Evidence;
+use super::natural::Natural;
 use super::shared_rhythms::SharedRhythms;
 use super::{BitRow, HistoryLog, VisibilityModel};
 use super::{fremen, histogram, logistic, markov, mean, pergam, persistent};
@@ -71,6 +72,13 @@ fn fit_model(
             *balance,
             cfg.guards(),
         )?),
+        ModelConfig::Natural { ridge } => Box::new(
+            Natural {
+                ridge: *ridge,
+                guards: cfg.guards(),
+            }
+            .fit(evidence)?,
+        ),
         ModelConfig::LeastSquares {
             candidates,
             order,

@@ -30,6 +30,7 @@ mod logistic;
 mod markov;
 mod mean;
 mod model;
+mod natural;
 mod pergam;
 mod persistent;
 mod shared_rhythms;

@@ -56,6 +56,7 @@ fn real_data_office_hours_alone_foretell_the_next_week() {
             "running-mean",
             format!("kind = 'fremen', {week}, order = 2, balance = 'running-mean'"),
         ),
+        ("natural", "kind = 'natural'".to_owned()),
         ("fremen", format!("kind = 'fremen', {week}, order = 2")),
         ("least-squares", format!("kind = 'least-squares', {week}")),
         ("logistic", format!("kind = 'logistic', {week}")),
@@ -96,6 +97,7 @@ fn real_data_office_hours_alone_foretell_the_next_week() {
     }
     println!("door2016: {brier:.4?}");
     let literal = brier["running-mean"].min(brier["alpha-only"]);
+    assert!(brier["natural"] <= 0.75 * literal);
     // Where the rhythms are given; a choice made on office hours cannot know of the nights.
     assert!(brier["logistic-given"] <= 0.75 * literal);
     assert!(brier["least-squares-given"] <= 0.75 * literal);

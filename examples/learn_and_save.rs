@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // Learn one visit after another and commit each round: what is committed survives a power cut.
     let meta = MapMeta::new(random_uuid(), extractor.id(), "default");
     let map = Map::create(&path, meta)?;
-    let mut learner = Learner::resume(LearnConfig::default(), map.snapshot().as_ref().clone());
+    let mut learner = Learner::resume(LearnConfig::default(), map.snapshot().as_ref().clone())?;
     for &round in &schedule.learn {
         let session = SessionId::random();
         for entry in world.dataset("street", &[round]).entries {

@@ -18,7 +18,7 @@ use chronotope::Time;
 use chronotope::dataset::{Clock, Dataset, Manifest, Side};
 use chronotope::feature::Features;
 use chronotope::learn::{KeepAppearances, LearnConfig, Learner, Observation};
-use chronotope::localize::{Localization, Localizer, Method, Preset, Query, Score, Scratch, Sweep};
+use chronotope::localize::{Decision, Localization, Localizer, Method, Preset, Query, Score, Scratch, Sweep};
 use chronotope::map::{MapMeta, NodeId, SessionId, Snapshot, derived_uuid};
 use chronotope::predict::Selection;
 use rayon::prelude::*;
@@ -33,6 +33,9 @@ use crate::suite::{Arm, Protocol, Run, Suite};
 const TOP: usize = 10;
 /// So many queries of the first fold are asked once more, one at a time, with the clock running.
 const NUM_TIMED: usize = 16;
+
+/// Smaller shares of a posterior are left out of the results.
+const LEAST_SHARE: f64 = 0.005;
 
 /// Entries that are learnt and entries that are asked for; indices into a dataset.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -416,7 +419,8 @@ impl<'s> Tallies<'s> {
                 let name = variant.run.variant(variant.preset, score);
                 for (size, &n) in self.suite.sizes.iter().enumerate() {
                     let key = name.at(n as u32);
-                    let tally = metrics::Tally::of(&results.queries, &key, false);
+                    let has_rule = score == Score::Likelihood;
+                    let tally = metrics::Tally::of(&results.queries, &key, has_rule);
                     let is_default = variant.is_default && score == variant.run.localizer.score();
                     let mut row = tally.into_row(&key, is_default);
                     row.reobserved = reobserved.as_ref().map(|reobserved| reobserved.percent);
@@ -527,6 +531,11 @@ fn localizers(snapshot: &Arc<Snapshot>, arm: &Arm, has_clock: bool) -> Result<Ve
         .collect()
 }
 
+/// Probabilities are written to four digits.
+fn rounded(p: f64) -> f64 {
+    (p * 1e4).round() / 1e4
+}
+
 fn ask(
     localizer: &Localizer,
     arm: &Arm,
@@ -537,27 +546,50 @@ fn ask(
 ) -> Result<Said> {
     localizer.sweep(scratch, query, sweep)?;
     let nodes = &localizer.snapshot().nodes;
+    let name = |node: usize| nodes[node].key.as_str().to_owned();
     let answer = |score: Score, size: usize| {
-        let scored =
-            || (0..nodes.len()).map(|node| sweep.tally(NodeId(node as u32), size).of(score));
-        let best = scored().max().unwrap_or(0);
-        if best == 0 {
+        let scores: Vec<f64> = (0..nodes.len())
+            .map(|node| sweep.tally(NodeId(node as u32), size).of(score))
+            .collect();
+        let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let weighed = localizer.posterior(score, sweep.sizes()[size], &scores);
+        let posterior = weighed.as_ref().map_or_else(BTreeMap::new, |(shares, elsewhere)| {
+            let mut named: BTreeMap<String, f64> = (shares.iter().enumerate())
+                .filter(|(_, share)| **share >= LEAST_SHARE)
+                .map(|(node, share)| (name(node), rounded(*share)))
+                .collect();
+            named.insert(results::ELSEWHERE.into(), rounded(*elsewhere));
+            named
+        });
+        // Without a single match, a count ranks nothing.
+        if best <= 0.0 && score != Score::Likelihood {
             return Answer {
                 first: None,
                 decision: results::Decision::Unknown,
-                posterior: BTreeMap::new(),
+                posterior,
                 ties: Vec::new(),
             };
         }
-        let name = |node: usize| nodes[node].key.as_str().to_owned();
-        let first: Vec<usize> = (scored().enumerate())
-            .filter(|&(_, score)| score == best)
+        let first: Vec<usize> = (scores.iter().enumerate())
+            .filter(|&(_, &score)| score == best)
             .map(|(node, _)| node)
             .collect();
+        let decision = match (&weighed, score) {
+            (Some((shares, elsewhere)), Score::Likelihood) => {
+                let node = NodeId(first[0] as u32);
+                match Decision::by_risk(node, shares[first[0]], *elsewhere, localizer.cfg().risk())
+                {
+                    Decision::At(_) => results::Decision::At(name(first[0])),
+                    Decision::Ambiguous => results::Decision::Ambiguous,
+                    Decision::Unknown => results::Decision::Unknown,
+                }
+            }
+            _ => results::Decision::At(name(first[0])),
+        };
         Answer {
             first: Some(name(first[0])),
-            decision: results::Decision::At(name(first[0])),
-            posterior: BTreeMap::new(),
+            decision,
+            posterior,
             ties: if first.len() > 1 {
                 first.iter().map(|&node| name(node)).collect()
             } else {

@@ -161,7 +161,7 @@ impl Build {
         Ok(Self {
             session: SessionId::derive(&dataset.name),
             problems: std::mem::take(&mut dataset.problems),
-            learner: Learner::resume(cfg, (*map.snapshot()).clone()),
+            learner: Learner::resume(cfg, (*map.snapshot()).clone())?,
             dataset,
             extractor,
             map,

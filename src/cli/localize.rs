@@ -398,10 +398,15 @@ struct Report<'a> {
     truth: Option<&'a PlaceKey>,
 }
 
+/// A count as it is, log odds to a tenth.
+fn rounded(score: f64) -> f64 {
+    (score * 10.0).round() / 10.0
+}
+
 #[derive(Serialize)]
 struct Share<'a> {
     place: &'a PlaceKey,
-    score: u32,
+    score: f64,
     posterior: f64,
 }
 
@@ -462,7 +467,7 @@ impl<'a> Report<'a> {
 
     fn row(&self) -> String {
         let score = |share: &Option<Share<'_>>| match share {
-            Some(share) => format!("{} {}", share.place, share.score),
+            Some(share) => format!("{} {}", share.place, rounded(share.score)),
             None => "none".into(),
         };
         format!(
@@ -480,7 +485,7 @@ impl<'a> Report<'a> {
         let share = |share: &Option<Share<'_>>| match share {
             Some(share) => format!(
                 "{}, score {}, posterior {:.3}",
-                share.place, share.score, share.posterior
+                share.place, rounded(share.score), share.posterior
             ),
             None => "none".into(),
         };

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::localize::{LocalizerConfig, Method, Preset};
+use crate::localize::{LocalizerConfig, Method, Preset, Score};
 use crate::matching::{MatchConfig, TwoWayConfig, VoteConfig};
 
 /// How features are recognised and born.
@@ -82,6 +82,13 @@ impl TryFrom<Fields> for LearnConfig {
                 ));
             }
         }
+        if fields.experience.score() == Score::Likelihood {
+            return Err(Error::new(
+                ErrorKind::Config,
+                "while a map is learnt, experiences cannot be ranked by likelihood",
+            )
+            .with_help("use `score = \"inliers\"` or `\"count\"` under `experience`"));
+        }
         Ok(Self(fields))
     }
 }
@@ -104,7 +111,8 @@ impl LearnConfig {
             reobserve: MatchConfig::default(),
             vote: VoteConfig::default(),
             two_way: TwoWayConfig::default(),
-            experience: LocalizerConfig::preset(preset).with_method(Method::Experience),
+            experience: (LocalizerConfig::preset(preset).with_method(Method::Experience))
+                .with_score(Score::Inliers),
         };
         Self(match preset {
             Preset::Default => fields,
@@ -113,6 +121,7 @@ impl LearnConfig {
                 features_per_visit: 500,
                 keep_appearances: KeepAppearances::All,
                 reobserve: MatchConfig::lttl(crate::matching::Direction::MapToLive),
+                experience: fields.experience.clone().with_score(Score::Count),
                 ..fields
             },
         })

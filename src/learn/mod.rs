@@ -33,7 +33,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::feature::{Features, FeaturesView, GrayImage};
 use crate::localize::Score;
 use crate::map::{
-    AppearanceUse, MapMeta, Node, PlaceKey, SessionId, Snapshot, Visit, VisitId, features_digest,
+    AppearanceUse, MapMeta, Node, PlaceKey, Reobservation, SessionId, Snapshot, Visit, VisitId, features_digest,
 };
 use crate::matching::{
     Displacement, Match, MatchScratch, Matcher, VoteScratch, displacements_into, vote_displacement,
@@ -80,6 +80,7 @@ pub struct Learner {
     stale: Vec<bool>,
     reobserve: Matcher,
     experience: Matcher,
+    reobservation: Reobservation,
     scratch: Scratch,
 }
 
@@ -91,6 +92,10 @@ struct Found {
     seen: BitRow,
     /// As long, where something could not be observed.
     hidden: Option<BitRow>,
+    /// How the camera moved against the place's frame, where that was recognised.
+    displacement: Option<Displacement>,
+    /// Of each feature that was seen again: the distance between its descriptor and the live one, bits.
+    distances: Vec<u16>,
 }
 
 /// Memory to work in.
@@ -105,12 +110,20 @@ struct Scratch {
 impl Learner {
     /// Starts an empty map.
     pub fn new(cfg: LearnConfig, meta: MapMeta) -> Self {
-        Self::resume(cfg, Snapshot::empty(meta))
+        Self::with(cfg, Snapshot::empty(meta), Reobservation::default())
     }
 
     /// Goes on with a map that was learnt with the same configuration.
-    pub fn resume(cfg: LearnConfig, snapshot: Snapshot) -> Self {
+    ///
+    /// Fails with [`ErrorKind::Format`] if what the map knows of features seen again cannot be read.
+    pub fn resume(cfg: LearnConfig, snapshot: Snapshot) -> Result<Self> {
+        let reobservation = Reobservation::of(&snapshot)?;
+        Ok(Self::with(cfg, snapshot, reobservation))
+    }
+
+    fn with(cfg: LearnConfig, snapshot: Snapshot, reobservation: Reobservation) -> Self {
         Self {
+            reobservation,
             stale: vec![false; snapshot.nodes.len()],
             reobserve: Matcher::new(cfg.reobserve().clone()),
             experience: Matcher::new(cfg.experience().matching().clone()),
@@ -171,6 +184,12 @@ impl Learner {
             ..visit
         };
         node.push_visit(visit, &found.born, found.seen, found.hidden, located_by)?;
+        if let Some(displacement) = found.displacement {
+            (self.reobservation).count_displacement(displacement.dx_px, displacement.dy_px);
+            for distance_bits in found.distances {
+                self.reobservation.count_distance(distance_bits);
+            }
+        }
         self.snapshot.meta.image_size = Some(observation.image_size);
         Ok(learnt)
     }
@@ -181,6 +200,9 @@ impl Learner {
             if std::mem::take(stale) {
                 reference::write_log(&self.cfg, Arc::make_mut(node))?;
             }
+        }
+        if self.reobservation != Reobservation::default() {
+            self.reobservation.attach(&mut self.snapshot);
         }
         Ok(Arc::new(self.snapshot.clone()))
     }
@@ -309,7 +331,8 @@ impl Scratch {
         matcher.matches_into(&mut self.matching, map, live, &mut self.matches);
         match cfg.experience().score() {
             Score::Count => self.matches.len() as u32,
-            Score::Inliers => {
+            // Refused by the configuration: there is nothing to calibrate with while the map is made.
+            Score::Inliers | Score::Likelihood => {
                 displacements_into(
                     &self.matches,
                     map.keypoints,

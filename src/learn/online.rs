@@ -39,10 +39,12 @@ pub(super) fn find(
 
     let mut is_known = BitRow::zeros(live.len());
     let mut seen_ids = Vec::new();
+    let mut distances = Vec::new();
     for (found, &is_inlier) in matches.iter().zip(vote.inliers()) {
         if is_inlier && is_located {
             is_known.set(found.live as usize);
             seen_ids.push(found.map as usize);
+            distances.push(found.distance_bits);
         }
     }
     let mut born = Features::new();
@@ -66,6 +68,8 @@ pub(super) fn find(
         born,
         seen,
         hidden: (hidden.count_ones() > 0).then_some(hidden),
+        displacement: is_located.then_some(shift),
+        distances,
     }
 }
 

@@ -33,6 +33,8 @@ pub(super) fn find(cfg: &LearnConfig, known: FeaturesView<'_>, live: &Features) 
         born,
         seen,
         hidden: None,
+        displacement: None,
+        distances: Vec::new(),
     }
 }
 

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::matching::{Direction, MatchConfig, VoteConfig};
-use crate::predict::Selection;
+use crate::predict::{Choice, Selection};
 use crate::visibility::VisibilityConfig;
 
 /// How a place is turned into what the live image is matched with.
@@ -78,17 +78,21 @@ pub enum Score {
     Count,
     /// The number of matches that agree on one displacement.
     Inliers,
+    /// The log odds of this place against elsewhere, given which predicted features were matched and
+    /// which are missing.
+    Likelihood,
 }
 
 impl Score {
     /// Every score, in the order of tables.
-    pub const ALL: [Self; 2] = [Self::Count, Self::Inliers];
+    pub const ALL: [Self; 3] = [Self::Count, Self::Inliers, Self::Likelihood];
 
     /// The name used in configurations, commands and results.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Count => "count",
             Self::Inliers => "inliers",
+            Self::Likelihood => "likelihood",
         }
     }
 }
@@ -158,11 +162,24 @@ impl std::fmt::Display for Preset {
 ///
 /// As TOML, keys are in kebab case and those left out have the values of the preset `default`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(
+    rename_all = "kebab-case",
+    default,
+    try_from = "Fields",
+    into = "Fields"
+)]
+pub struct LocalizerConfig(Fields);
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
-pub struct LocalizerConfig {
+struct Fields {
     method: Method,
     score: Score,
     selection: Selection,
+    choice: Choice,
+    calibrated: bool,
+    elsewhere: f64,
+    risk: f64,
     min_score: u32,
     matching: MatchConfig,
     vote: VoteConfig,
@@ -176,42 +193,86 @@ impl Default for LocalizerConfig {
     }
 }
 
+impl Default for Fields {
+    fn default() -> Self {
+        LocalizerConfig::preset(Preset::Default).0
+    }
+}
+
+impl TryFrom<Fields> for LocalizerConfig {
+    type Error = Error;
+
+    fn try_from(fields: Fields) -> Result<Self> {
+        for (name, value) in [("elsewhere", fields.elsewhere), ("risk", fields.risk)] {
+            if !(value > 0.0 && value < 1.0) {
+                return Err(Error::new(
+                    ErrorKind::Config,
+                    format!("{name} is a probability between 0 and 1 (both excluded), not {value}"),
+                ));
+            }
+        }
+        if fields.score == Score::Likelihood && !fields.calibrated {
+            return Err(Error::new(
+                ErrorKind::Config,
+                "the score `likelihood` is made of calibrated rates",
+            )
+            .with_help("set `calibrated = true`, or use `score = \"inliers\"`"));
+        }
+        Ok(Self(fields))
+    }
+}
+
+impl From<LocalizerConfig> for Fields {
+    fn from(cfg: LocalizerConfig) -> Self {
+        cfg.0
+    }
+}
+
 impl LocalizerConfig {
     /// The numbers of a preset.
     pub fn preset(preset: Preset) -> Self {
-        match preset {
-            Preset::Lttl => Self {
+        Self(match preset {
+            Preset::Lttl => Fields {
                 method: Method::Fremen,
                 score: Score::Count,
                 selection: Selection::Top(50),
+                choice: Choice::Likeliest,
+                calibrated: false,
+                elsewhere: 0.1,
+                risk: 0.1,
                 min_score: 1,
                 matching: MatchConfig::lttl(Direction::LiveToMap),
                 vote: VoteConfig::default(),
                 visibility: VisibilityConfig::lttl(),
             },
-            Preset::Default => Self {
+            Preset::Default => Fields {
                 method: Method::Fremen,
-                score: Score::Inliers,
+                score: Score::Likelihood,
                 selection: Selection::Top(50),
+                choice: Choice::Covering,
+                calibrated: true,
+                elsewhere: 0.1,
+                risk: 0.1,
                 min_score: 4,
                 matching: MatchConfig::default(),
                 vote: VoteConfig::default(),
                 visibility: VisibilityConfig::rhythms(),
             },
-        }
+        })
     }
 
     /// Uses another method.
     #[must_use]
     pub fn with_method(mut self, method: Method) -> Self {
-        self.method = method;
+        self.0.method = method;
         self
     }
 
-    /// Ranks places by another score.
+    /// Ranks places by another score; `likelihood` switches calibration on.
     #[must_use]
     pub fn with_score(mut self, score: Score) -> Self {
-        self.score = score;
+        self.0.score = score;
+        self.0.calibrated |= score == Score::Likelihood;
         self
     }
 
@@ -219,58 +280,121 @@ impl LocalizerConfig {
     /// [`Selection::Top`] for each experience, and every feature under [`Selection::Threshold`].
     #[must_use]
     pub fn with_selection(mut self, selection: Selection) -> Self {
-        self.selection = selection;
+        self.0.selection = selection;
+        self
+    }
+
+    /// Chooses features of a place by another rule.
+    #[must_use]
+    pub fn with_choice(mut self, choice: Choice) -> Self {
+        self.0.choice = choice;
+        self
+    }
+
+    /// Whether the map's past visits are asked for what matches are worth; without, posteriors are
+    /// shares of the score. The score `likelihood` needs it.
+    #[must_use]
+    pub fn with_calibrated(mut self, calibrated: bool) -> Self {
+        self.0.calibrated = calibrated || self.0.score == Score::Likelihood;
+        self
+    }
+
+    /// The probability, before the image is seen, that the robot is at none of the places; taken into
+    /// (0, 1).
+    #[must_use]
+    pub fn with_elsewhere(mut self, elsewhere: f64) -> Self {
+        self.0.elsewhere = probability(elsewhere);
+        self
+    }
+
+    /// The probability of being wrong that an answer may have; taken into (0, 1).
+    #[must_use]
+    pub fn with_risk(mut self, risk: f64) -> Self {
+        self.0.risk = probability(risk);
         self
     }
 
     /// Models visibility in another way.
     #[must_use]
     pub fn with_visibility(mut self, visibility: VisibilityConfig) -> Self {
-        self.visibility = visibility;
+        self.0.visibility = visibility;
         self
     }
 
-    /// A best score below this is no answer; at least 1.
+    /// A best count, or number of inliers, below this is no answer; at least 1.
     #[must_use]
     pub fn with_min_score(mut self, min_score: u32) -> Self {
-        self.min_score = min_score.max(1);
+        self.0.min_score = min_score.max(1);
         self
     }
 
     /// The method.
     pub fn method(&self) -> Method {
-        self.method
+        self.0.method
     }
 
     /// What places are ranked by.
     pub fn score(&self) -> Score {
-        self.score
+        self.0.score
     }
 
     /// How much of each place is predicted.
     pub fn selection(&self) -> Selection {
-        self.selection
+        self.0.selection
     }
 
-    /// A best score below this is no answer.
+    /// Which features of a place are predicted first.
+    pub fn choice(&self) -> Choice {
+        self.0.choice
+    }
+
+    /// Whether posteriors are calibrated on past visits.
+    pub fn calibrated(&self) -> bool {
+        self.0.calibrated
+    }
+
+    /// The prior probability of being at none of the places.
+    pub fn elsewhere(&self) -> f64 {
+        self.0.elsewhere
+    }
+
+    /// The probability of being wrong that an answer may have.
+    pub fn risk(&self) -> f64 {
+        self.0.risk
+    }
+
+    /// A best count, or number of inliers, below this is no answer.
     pub fn min_score(&self) -> u32 {
-        self.min_score
+        self.0.min_score
     }
 
     /// Which descriptors count as the same.
     pub fn matching(&self) -> &MatchConfig {
-        &self.matching
+        &self.0.matching
     }
 
     /// Which matches agree on a displacement.
     pub fn vote(&self) -> &VoteConfig {
-        &self.vote
+        &self.0.vote
     }
 
     /// How visibility is modelled.
     pub fn visibility(&self) -> &VisibilityConfig {
-        &self.visibility
+        &self.0.visibility
     }
+
+    /// The model of the method: `static` knows the mean only.
+    pub(super) fn model(&self) -> VisibilityConfig {
+        match self.0.method {
+            Method::Static => VisibilityConfig::mean(),
+            _ => self.0.visibility.clone(),
+        }
+    }
+}
+
+fn probability(p: f64) -> f64 {
+    // NaN becomes the least.
+    p.max(1e-9).min(1.0 - 1e-9)
 }
 
 #[cfg(test)]
@@ -284,6 +408,15 @@ mod tests {
         }
         let error = "psychic".parse::<Method>().expect_err("no such method");
         assert!(error.to_string().contains("fremen"), "{error}");
+    }
+
+    #[test]
+    fn probabilities_and_scores_that_make_no_sense_are_refused() {
+        for text in ["risk = 1.0", "elsewhere = nan", "calibrated = false", "risk = -0.1"] {
+            assert!(toml::from_str::<LocalizerConfig>(text).is_err(), "{text}");
+        }
+        let cfg = LocalizerConfig::default().with_risk(f64::NAN);
+        assert!(cfg.risk() > 0.0);
     }
 
     #[test]

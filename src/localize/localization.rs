@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{LocalizerConfig, Score};
 use crate::map::NodeId;
-use crate::matching::{Match, Vote, VoteScratch};
+use crate::matching::{Match, Vote};
 use crate::predict::PredictedMap;
 use crate::time::Time;
 
@@ -18,7 +18,7 @@ pub struct Localization {
     pub ranking: Vec<Candidate>,
     /// How many places share the best score; 1 where one place stands alone.
     pub tied: usize,
-    /// The posterior share of "none of these places"; uncalibrated like [`Candidate::posterior`].
+    /// The posterior probability of "none of these places"; see [`Candidate::posterior`].
     pub elsewhere: f64,
     /// What to believe.
     pub decision: Decision,
@@ -36,44 +36,94 @@ pub struct Localization {
 pub enum Decision {
     /// The robot is here.
     At(NodeId),
-    /// Several places fit equally well.
+    /// Surely in the map, but several places fit.
     Ambiguous,
     /// No place fits well enough.
     #[default]
     Unknown,
 }
 
+impl Decision {
+    /// At `node`, the most probable place, if the probability of being wrong is at most `risk`; in the
+    /// map but ambiguous, if that is all that is as sure; unknown otherwise.
+    pub fn by_risk(node: NodeId, posterior: f64, elsewhere: f64, risk: f64) -> Self {
+        if 1.0 - posterior <= risk {
+            Self::At(node)
+        } else if elsewhere <= risk {
+            Self::Ambiguous
+        } else {
+            Self::Unknown
+        }
+    }
+}
+
 /// The numbers behind a [`Decision`]; shown as a sentence.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct Reason {
     /// Score of the first place.
-    pub best: u32,
+    pub best: f64,
     /// Score of the second place; `None` in a map of one place.
-    pub second: Option<u32>,
+    pub second: Option<f64>,
+    /// What the decision was taken by.
+    pub rule: Rule,
+}
+
+/// What a decision is taken by.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Rule {
     /// The least score that counts as an answer.
-    pub min_score: u32,
+    MinScore(u32),
+    /// The posterior against the probability of being wrong that an answer may have.
+    #[serde(rename_all = "kebab-case")]
+    Risk {
+        /// What an answer may risk.
+        allowed: f64,
+        /// The posterior of the first place.
+        first: f64,
+        /// The posterior of being at none of the places.
+        elsewhere: f64,
+    },
+}
+
+impl Default for Rule {
+    fn default() -> Self {
+        Self::MinScore(1)
+    }
 }
 
 impl fmt::Display for Reason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            best,
-            second,
-            min_score,
-        } = self;
-        if best < min_score {
-            return write!(
-                f,
-                "the best place scores {best}, below the least score {min_score}"
-            );
-        }
-        match second {
-            Some(second) if second == best => {
+        let Self { best, second, rule } = *self;
+        match (rule, second) {
+            (Rule::MinScore(least), _) if best < f64::from(least) => {
+                write!(f, "the best place scores {best}, below the least score {least}")
+            }
+            (Rule::MinScore(_), Some(second)) if second == best => {
                 write!(f, "several places share the best score {best}")
             }
-            Some(second) => write!(f, "the best place scores {best}, the second {second}"),
-            None => write!(f, "the only place scores {best}"),
+            (Rule::MinScore(_), Some(second)) => {
+                write!(f, "the best place scores {best}, the second {second}")
+            }
+            (Rule::MinScore(_), None) => write!(f, "the only place scores {best}"),
+            (
+                Rule::Risk {
+                    allowed,
+                    first,
+                    elsewhere,
+                },
+                _,
+            ) => {
+                let percent = |p: f64| 100.0 * p;
+                let (first, elsewhere) = (percent(first), percent(elsewhere));
+                let needed = percent(1.0 - allowed);
+                write!(
+                    f,
+                    "the best place has {first:.1} % (an answer needs {needed:.1} %), elsewhere \
+                     {elsewhere:.1} %"
+                )
+            }
         }
     }
 }
@@ -85,13 +135,15 @@ pub struct Candidate {
     /// The place.
     pub node: NodeId,
     /// What it is ranked by.
-    pub score: u32,
-    /// Its share `(score + 1) / sum of (score + 1)` over all places and "elsewhere", which scores 0.
-    /// Not calibrated: it orders places as the score does, and is no probability of being right.
+    pub score: f64,
+    /// The probability of being here, by a calibration on past visits
+    /// ([`Calibration`](super::Calibration)). Where the configuration asks for none, its share
+    /// `(score + 1) / sum of (score + 1)` over all places and "elsewhere", which scores 0: that orders
+    /// places as the score does, and is no probability of being right.
     pub posterior: f64,
     /// The visit whose appearance fits best; `None` for methods that predict one map.
     pub appearance: Option<u32>,
-    /// Ids within the node of the features that were predicted, most likely first; empty for the
+    /// Ids within the node of the features that were predicted, in order of choice; empty for the
     /// experience methods, whose appearance says it.
     pub predicted: Vec<u32>,
     /// p(t) of each predicted feature.
@@ -104,6 +156,9 @@ pub struct Candidate {
     pub num_inliers: u32,
     /// The displacement of the inliers, px.
     pub displacement: Vote,
+    /// The log odds by what was matched last: of the predicted map, or of one appearance.
+    #[serde(skip)]
+    pub(super) last_log_odds: f64,
 }
 
 /// One feature of a place that is one feature of the live image.
@@ -132,31 +187,46 @@ impl Localization {
         self.time = time;
     }
 
-    /// Sorts the places, shares out the posterior and decides.
-    pub(super) fn rank(&mut self, min_score: u32) {
-        self.ranking
-            .sort_unstable_by_key(|candidate| (std::cmp::Reverse(candidate.score), candidate.node));
-        let total: f64 = 1.0
-            + (self.ranking.iter())
-                .map(|candidate| f64::from(candidate.score) + 1.0)
-                .sum::<f64>();
+    /// Gives every place a share of the posterior by its score: an order, no probability.
+    pub(super) fn share_scores(&mut self) {
+        let total: f64 = 1.0 + (self.ranking.iter()).map(|it| it.score + 1.0).sum::<f64>();
         self.elsewhere = 1.0 / total;
         for candidate in &mut self.ranking {
-            candidate.posterior = (f64::from(candidate.score) + 1.0) / total;
+            candidate.posterior = (candidate.score + 1.0) / total;
         }
-        let best = self.first().map_or(0, |first| first.score);
+    }
+
+    /// Sorts the places and decides: by the posterior where it is calibrated, by the least score
+    /// otherwise.
+    pub(super) fn decide(&mut self, cfg: &LocalizerConfig) {
+        let by_score = |a: &Candidate, b: &Candidate| b.score.total_cmp(&a.score);
+        (self.ranking).sort_unstable_by(|a, b| by_score(a, b).then(a.node.cmp(&b.node)));
+        let best = self.first().map_or(0.0, |first| first.score);
         self.tied = (self.ranking.iter())
             .take_while(|candidate| candidate.score == best)
             .count();
+        let first = self.first().map_or(0.0, |first| first.posterior);
+        let rule = match cfg.score() {
+            Score::Likelihood => Rule::Risk {
+                allowed: cfg.risk(),
+                first,
+                elsewhere: self.elsewhere,
+            },
+            Score::Count | Score::Inliers => Rule::MinScore(cfg.min_score()),
+        };
         self.reason = Reason {
             best,
             second: self.ranking.get(1).map(|second| second.score),
-            min_score,
+            rule,
         };
-        self.decision = match self.first() {
-            Some(first) if best >= min_score && self.tied == 1 => Decision::At(first.node),
-            Some(_) if best >= min_score => Decision::Ambiguous,
-            _ => Decision::Unknown,
+        self.decision = match (self.first(), rule) {
+            (None, _) => Decision::Unknown,
+            (Some(first), Rule::Risk { allowed, .. }) => {
+                Decision::by_risk(first.node, first.posterior, self.elsewhere, allowed)
+            }
+            (Some(_), Rule::MinScore(least)) if best < f64::from(least) => Decision::Unknown,
+            (Some(first), _) if self.tied == 1 => Decision::At(first.node),
+            (Some(_), _) => Decision::Ambiguous,
         };
     }
 }
@@ -164,7 +234,8 @@ impl Localization {
 impl Candidate {
     pub(super) fn restart(&mut self, node: NodeId) {
         self.node = node;
-        self.score = 0;
+        self.score = 0.0;
+        self.last_log_odds = 0.0;
         self.posterior = 0.0;
         self.appearance = None;
         self.predicted.clear();
@@ -180,52 +251,46 @@ impl Candidate {
         self.probabilities.extend_from_slice(map.probabilities());
     }
 
-    /// Takes over the evidence of one predicted map or appearance.
-    pub(super) fn explain(
+    /// Takes over the evidence of the predicted map, or of one appearance if it is the first or says
+    /// more than those before.
+    pub(super) fn hear(
         &mut self,
         cfg: &LocalizerConfig,
+        visit: Option<u32>,
         matches: &[Match],
-        inliers: &VoteScratch,
+        inliers: &[bool],
         vote: &Vote,
+        log_odds: f64,
     ) {
+        self.last_log_odds = log_odds;
+        let score = match cfg.score() {
+            Score::Count => matches.len() as f64,
+            Score::Inliers => f64::from(vote.num_inliers),
+            Score::Likelihood => log_odds,
+        };
+        if self.appearance.is_some() && score <= self.score {
+            return;
+        }
+        self.appearance = visit;
+        self.score = score;
         self.num_matches = matches.len() as u32;
         self.num_inliers = vote.num_inliers;
         self.displacement = *vote;
-        self.score = score(cfg, matches, vote);
         self.matches.clear();
-        let inliers = inliers.inliers().iter();
-        self.matches.extend(
-            matches
-                .iter()
-                .zip(inliers)
-                .map(|(found, &inlier)| EvidenceMatch {
-                    rank: found.map,
-                    live: found.live,
-                    distance_bits: found.distance_bits,
-                    inlier,
-                }),
-        );
+        (self.matches).extend((matches.iter().zip(inliers)).map(|(found, &inlier)| {
+            EvidenceMatch {
+                rank: found.map,
+                live: found.live,
+                distance_bits: found.distance_bits,
+                inlier,
+            }
+        }));
     }
 
-    /// Takes over the evidence of an appearance if it is the first or scores higher than those before.
-    pub(super) fn improve(
-        &mut self,
-        cfg: &LocalizerConfig,
-        visit: u32,
-        matches: &[Match],
-        inliers: &VoteScratch,
-        vote: &Vote,
-    ) {
-        if self.appearance.is_none() || score(cfg, matches, vote) > self.score {
-            self.appearance = Some(visit);
-            self.explain(cfg, matches, inliers, vote);
+    /// The place speaks by the mean likelihood of its appearances, not by the best of them.
+    pub(super) fn settle(&mut self, score: Score, log_odds: f64) {
+        if score == Score::Likelihood {
+            self.score = log_odds;
         }
-    }
-}
-
-fn score(cfg: &LocalizerConfig, matches: &[Match], vote: &Vote) -> u32 {
-    match cfg.score() {
-        Score::Count => matches.len() as u32,
-        Score::Inliers => vote.num_inliers,
     }
 }

@@ -18,16 +18,21 @@
 //! Not for: following a robot between images (each query stands alone) or metric poses (a displacement
 //! in px is all that one image gives).
 
+mod calibration;
 mod config;
+mod evidence;
 mod localization;
 mod sweep;
 
 use std::sync::Arc;
 
+pub use calibration::{Calibration, Curve, Temper};
 pub use config::{LocalizerConfig, Method, Preset, Score};
 pub use localization::{Candidate, Decision, EvidenceMatch, Localization, Reason};
 pub use sweep::{Sweep, Tally};
 
+use self::calibration::as_evidence;
+use self::evidence::{Expectation, LogMean};
 use crate::error::{Error, ErrorKind, Result};
 use crate::feature::{Features, FeaturesView};
 use crate::map::{AppearanceUse, Node, NodeId, Snapshot};
@@ -35,7 +40,7 @@ use crate::matching::{
     Displacement, Match, MatchScratch, Matcher, Vote, VoteScratch, displacements_into,
     vote_displacement,
 };
-use crate::predict::{PredictedMap, Selection};
+use crate::predict::{Choice, PredictedMap, Selection, Witnesses};
 use crate::time::Time;
 use crate::visibility::{self, VisibilityConfig, VisibilityModel, Visits};
 
@@ -57,7 +62,10 @@ pub struct Query<'a> {
 #[derive(Debug)]
 enum Plan {
     /// Features of the place, chosen by their visibility at the query's time.
-    Predicted(Box<dyn VisibilityModel>),
+    Predicted {
+        model: Box<dyn VisibilityModel>,
+        witnesses: Witnesses,
+    },
     /// The appearances kept at these visits; with a model, those that are likely at the query's time.
     Appearances {
         visits: Vec<u32>,
@@ -80,6 +88,7 @@ pub struct Localizer {
     cfg: LocalizerConfig,
     matcher: Matcher,
     plans: Vec<Plan>,
+    calibration: Option<Arc<Calibration>>,
 }
 
 /// Memory that a [`Localizer`] works in; owned by the caller, one a thread, used again and again.
@@ -95,6 +104,9 @@ pub struct Scratch {
     matching: MatchScratch,
     matches: Vec<Match>,
     verify: Verify,
+    expectation: Expectation,
+    scores: Vec<f64>,
+    posterior: Vec<f64>,
 }
 
 /// What verification works in.
@@ -105,7 +117,8 @@ struct Verify {
 }
 
 impl Localizer {
-    /// Fits the visibility model of every place of `snapshot`.
+    /// Fits the visibility model of every place of `snapshot`, and calibrates what matches are worth on
+    /// its past visits (unless [`LocalizerConfig::calibrated`] says no).
     ///
     /// Fails with [`ErrorKind::Config`] if the map has no places, or none of the appearances that the
     /// method needs were kept.
@@ -118,7 +131,7 @@ impl Localizer {
             .map(|node| Plan::of(node, &cfg))
             .collect::<Result<Vec<_>>>()?;
         let remembers = |plan: &Plan| match plan {
-            Plan::Predicted(_) => true,
+            Plan::Predicted { .. } => true,
             Plan::Appearances { visits, .. } => !visits.is_empty(),
         };
         if !plans.iter().any(remembers) {
@@ -131,12 +144,22 @@ impl Localizer {
             )
             .with_help("build the map with `keep-appearances = \"all\"`, or use method `fremen`"));
         }
-        Ok(Self {
+        let mut localizer = Self {
             matcher: Matcher::new(cfg.matching().clone()),
             snapshot,
             cfg,
             plans,
-        })
+            calibration: None,
+        };
+        if localizer.cfg.calibrated() {
+            localizer.calibration = Some(Arc::new(Calibration::learn(&localizer)?));
+        }
+        Ok(localizer)
+    }
+
+    /// What is known of the worth of matches; `None` if the configuration asks for no calibration.
+    pub fn calibration(&self) -> Option<&Calibration> {
+        self.calibration.as_deref()
     }
 
     /// The same with another part of each place predicted; models are not fitted again.
@@ -159,7 +182,7 @@ impl Localizer {
     /// The visibility model of a place; `None` where the method remembers appearances instead.
     pub fn model(&self, node: NodeId) -> Option<&dyn VisibilityModel> {
         match &self.plans[node.0 as usize] {
-            Plan::Predicted(model) => Some(model.as_ref()),
+            Plan::Predicted { model, .. } => Some(model.as_ref()),
             Plan::Appearances { .. } => None,
         }
     }
@@ -192,49 +215,105 @@ impl Localizer {
         for (id, candidate) in (0..).map(NodeId).zip(&mut out.ranking) {
             candidate.restart(id);
             match &self.plans[id.0 as usize] {
-                Plan::Predicted(model) => {
-                    self.predict(scratch, id, model.as_ref(), time, self.cfg.selection());
+                Plan::Predicted { model, witnesses } => {
+                    self.predict(scratch, id, model.as_ref(), witnesses, time);
                     candidate.predict(&scratch.predicted);
-                    let ranked = scratch.ranked.view();
-                    out.pairs_compared += (ranked.len() * live.len()) as u64;
-                    (self.matcher).matches_into(
-                        &mut scratch.matching,
-                        ranked,
-                        live,
-                        &mut scratch.matches,
-                    );
-                    let vote = scratch
-                        .verify
-                        .vote(&self.cfg, &scratch.matches, ranked, live);
-                    candidate.explain(&self.cfg, &scratch.matches, &scratch.verify.vote, &vote);
+                    let ranked = std::mem::take(&mut scratch.ranked);
+                    out.pairs_compared += self.verify(scratch, candidate, None, ranked.view(), live);
+                    scratch.ranked = ranked;
                 }
                 plan @ Plan::Appearances { .. } => {
                     plan.visits_into(time, &mut scratch.likely, &mut scratch.visits);
-                    for &visit in &scratch.visits {
+                    let visits = std::mem::take(&mut scratch.visits);
+                    let mut odds = LogMean::default();
+                    for &visit in &visits {
                         let ranked = self.appearance(id, visit, self.largest_size());
-                        out.pairs_compared += (ranked.len() * live.len()) as u64;
-                        (self.matcher).matches_into(
-                            &mut scratch.matching,
-                            ranked,
-                            live,
-                            &mut scratch.matches,
-                        );
-                        let vote = scratch
-                            .verify
-                            .vote(&self.cfg, &scratch.matches, ranked, live);
-                        candidate.improve(
-                            &self.cfg,
-                            visit,
-                            &scratch.matches,
-                            &scratch.verify.vote,
-                            &vote,
-                        );
+                        self.expect_appearance(&mut scratch.expectation, id, visit, ranked.len());
+                        out.pairs_compared +=
+                            self.verify(scratch, candidate, Some(visit), ranked, live);
+                        odds.push(candidate.last_log_odds);
                     }
+                    candidate.settle(self.cfg.score(), odds.value());
+                    scratch.visits = visits;
                 }
             }
         }
-        out.rank(self.cfg.min_score());
+        self.weigh(scratch, out);
+        out.decide(&self.cfg);
         Ok(())
+    }
+
+    /// Matches one predicted map or appearance with the live image, and takes over what it says;
+    /// returns the number of Hamming distances.
+    fn verify(
+        &self,
+        scratch: &mut Scratch,
+        candidate: &mut Candidate,
+        visit: Option<u32>,
+        ranked: FeaturesView<'_>,
+        live: FeaturesView<'_>,
+    ) -> u64 {
+        let Scratch {
+            matching,
+            matches,
+            verify,
+            expectation,
+            ..
+        } = scratch;
+        self.matcher.matches_into(matching, ranked, live, matches);
+        let vote = verify.vote(&self.cfg, matches, ranked, live);
+        let inliers = verify.vote.inliers();
+        let log_odds = self.calibration.as_ref().map_or(0.0, |calibration| {
+            expectation.log_odds(calibration, ranked.len(), matches, inliers, &vote)
+        });
+        candidate.hear(&self.cfg, visit, matches, inliers, &vote, log_odds);
+        (ranked.len() * live.len()) as u64
+    }
+
+    /// Gives every place its posterior.
+    fn weigh(&self, scratch: &mut Scratch, out: &mut Localization) {
+        let Some(calibration) = &self.calibration else {
+            out.share_scores();
+            return;
+        };
+        let score = self.cfg.score();
+        scratch.scores.clear();
+        (scratch.scores).extend((out.ranking.iter()).map(|it| as_evidence(score, it.score)));
+        let temper = calibration.temper(score, self.typical_size(out));
+        out.elsewhere = temper.posterior_into(
+            &scratch.scores,
+            self.cfg.elsewhere(),
+            &mut scratch.posterior,
+        );
+        for (candidate, &posterior) in out.ranking.iter_mut().zip(&scratch.posterior) {
+            candidate.posterior = posterior;
+        }
+    }
+
+    /// The posterior of each place, and of "elsewhere", from their scores at `n` features; `None`
+    /// without calibration.
+    ///
+    /// An evaluation asks this for scores that it has of a [`Sweep`].
+    pub fn posterior(&self, score: Score, n: usize, scores: &[f64]) -> Option<(Vec<f64>, f64)> {
+        let calibration = self.calibration.as_ref()?;
+        let evidence: Vec<f64> = (scores.iter())
+            .map(|&value| as_evidence(score, value))
+            .collect();
+        let mut posterior = Vec::new();
+        let temper = calibration.temper(score, n);
+        let elsewhere = temper.posterior_into(&evidence, self.cfg.elsewhere(), &mut posterior);
+        Some((posterior, elsewhere))
+    }
+
+    /// The number of features that the scores are made of: n, or what a threshold leaves on average.
+    fn typical_size(&self, out: &Localization) -> usize {
+        match self.cfg.selection() {
+            Selection::Top(n) => n,
+            Selection::Threshold(_) => {
+                let total: usize = out.ranking.iter().map(|it| it.predicted.len()).sum();
+                total / out.ranking.len().max(1)
+            }
+        }
     }
 
     /// The query's time (or the epoch, for methods that do without), if the query fits the map.
@@ -262,20 +341,71 @@ impl Localizer {
         }
     }
 
-    /// Chooses the features of a place that should be visible, and gathers them in order.
+    /// Predicts the configured part of a place, gathers its features in order and notes what each
+    /// would say.
     fn predict(
         &self,
         scratch: &mut Scratch,
         id: NodeId,
         model: &dyn VisibilityModel,
+        witnesses: &Witnesses,
+        time: Time,
+    ) {
+        self.predict_part(scratch, id, model, witnesses, time, self.cfg.selection());
+    }
+
+    /// The same for another part.
+    fn predict_part(
+        &self,
+        scratch: &mut Scratch,
+        id: NodeId,
+        model: &dyn VisibilityModel,
+        witnesses: &Witnesses,
         time: Time,
         selection: Selection,
     ) {
-        scratch.predicted.predict(model, time, selection);
+        self.choose(scratch, model, witnesses, time, selection);
         let features = &self.snapshot.node(id).features;
         scratch
             .ranked
             .gather(features, scratch.predicted.features());
+        if let Some(calibration) = &self.calibration {
+            calibration.expect_predicted(
+                &mut scratch.expectation,
+                id,
+                &scratch.predicted,
+                witnesses,
+            );
+        }
+    }
+
+    /// Chooses the features of a place that should be visible.
+    fn choose(
+        &self,
+        scratch: &mut Scratch,
+        model: &dyn VisibilityModel,
+        witnesses: &Witnesses,
+        time: Time,
+        selection: Selection,
+    ) {
+        let predicted = &mut scratch.predicted;
+        match self.cfg.choice() {
+            Choice::Likeliest => predicted.predict(model, time, selection),
+            Choice::Covering => predicted.predict_covering(model, time, selection, witnesses),
+        }
+    }
+
+    /// Notes what each feature of an appearance would say.
+    fn expect_appearance(
+        &self,
+        expectation: &mut Expectation,
+        id: NodeId,
+        visit: u32,
+        len: usize,
+    ) {
+        if let Some(calibration) = &self.calibration {
+            calibration.expect_appearance(expectation, id, visit, len);
+        }
     }
 
     /// At most the `size` strongest features of an appearance.
@@ -309,8 +439,10 @@ impl Plan {
                 .collect()
         };
         Ok(match cfg.method() {
-            Method::Static => Self::Predicted(fit(&VisibilityConfig::mean(), &node.log)?),
-            Method::Fremen => Self::Predicted(fit(cfg.visibility(), &node.log)?),
+            Method::Static | Method::Fremen => Self::Predicted {
+                model: fit(&cfg.model(), &node.log)?,
+                witnesses: Witnesses::of(&node.log, Visits::All)?,
+            },
             Method::ExperienceAll => Self::Appearances {
                 visits: kept(None),
                 likely: None,

@@ -5,6 +5,7 @@
 //! Appearances do not depend on the method, so what they say of a query is kept for the next localizer.
 //! A test holds the tallies equal to those of [`Localizer::localize`] for each n.
 
+use super::evidence::LogMean;
 use super::{Localizer, Plan, Query, Score, Scratch};
 use crate::error::{Error, ErrorKind, Result};
 use crate::map::NodeId;
@@ -12,28 +13,23 @@ use crate::matching::Matcher;
 use crate::predict::Selection;
 
 /// What speaks for one place at one n.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tally {
     /// Matches.
     pub count: u32,
     /// Matches that agree on one displacement.
     pub inliers: u32,
+    /// Log odds of the place against elsewhere; 0 without calibration.
+    pub log_odds: f64,
 }
 
 impl Tally {
     /// The number that `score` ranks by.
-    pub fn of(self, score: Score) -> u32 {
+    pub fn of(self, score: Score) -> f64 {
         match score {
-            Score::Count => self.count,
-            Score::Inliers => self.inliers,
-        }
-    }
-
-    /// The better of two appearances, for each score by itself.
-    fn max(self, other: Self) -> Self {
-        Self {
-            count: self.count.max(other.count),
-            inliers: self.inliers.max(other.inliers),
+            Score::Count => f64::from(self.count),
+            Score::Inliers => f64::from(self.inliers),
+            Score::Likelihood => self.log_odds,
         }
     }
 }
@@ -48,6 +44,8 @@ pub struct Sweep {
     pairs_compared: Vec<u64>,
     /// For each node and visit, what its appearance says at each size; empty where not yet asked.
     appearances: Vec<Vec<Vec<Tally>>>,
+    /// The log odds of a place's appearances, at each size.
+    odds: Vec<LogMean>,
 }
 
 impl Sweep {
@@ -64,6 +62,7 @@ impl Sweep {
             tallies: Vec::new(),
             pairs_compared: Vec::new(),
             appearances: Vec::new(),
+            odds: Vec::new(),
         })
     }
 
@@ -105,6 +104,7 @@ impl Localizer {
             tallies,
             pairs_compared,
             appearances,
+            odds,
         } = sweep;
         let largest = sizes.last().copied().unwrap_or_default();
         tallies.clear();
@@ -120,8 +120,9 @@ impl Localizer {
         };
         for (id, tallies) in (0..).map(NodeId).zip(tallies.chunks_mut(sizes.len())) {
             match &self.plans[id.0 as usize] {
-                Plan::Predicted(model) => {
-                    self.predict(scratch, id, model.as_ref(), time, Selection::Top(largest));
+                Plan::Predicted { model, witnesses } => {
+                    let part = Selection::Top(largest);
+                    self.predict_part(scratch, id, model.as_ref(), witnesses, time, part);
                     count_pairs(scratch.ranked.len());
                     let ranked = std::mem::take(&mut scratch.ranked);
                     self.tally_into(scratch, ranked.view(), query, sizes, tallies);
@@ -132,17 +133,28 @@ impl Localizer {
                     let known = &mut appearances[id.0 as usize];
                     known.resize_with(self.snapshot.node(id).visits.len(), Vec::new);
                     let visits = std::mem::take(&mut scratch.visits);
+                    odds.clear();
+                    odds.resize(sizes.len(), LogMean::default());
                     for &visit in &visits {
                         let ranked = self.appearance(id, visit, largest);
                         count_pairs(ranked.len());
                         let known = &mut known[visit as usize];
                         if known.is_empty() {
                             known.resize(sizes.len(), Tally::default());
+                            let expectation = &mut scratch.expectation;
+                            self.expect_appearance(expectation, id, visit, ranked.len());
                             self.tally_into(scratch, ranked, query, sizes, known);
                         }
-                        for (tally, known) in tallies.iter_mut().zip(known.iter()) {
-                            *tally = tally.max(*known);
+                        for ((tally, odds), known) in
+                            tallies.iter_mut().zip(&mut *odds).zip(known.iter())
+                        {
+                            tally.count = tally.count.max(known.count);
+                            tally.inliers = tally.inliers.max(known.inliers);
+                            odds.push(known.log_odds);
                         }
+                    }
+                    for (tally, odds) in tallies.iter_mut().zip(&*odds) {
+                        tally.log_odds = odds.value();
                     }
                     scratch.visits = visits;
                 }
@@ -165,10 +177,15 @@ impl Localizer {
         top: usize,
     ) -> Result<Option<usize>> {
         let time = self.check(query)?;
-        let Plan::Predicted(model) = &self.plans[node.0 as usize] else {
+        let Plan::Predicted { model, .. } = &self.plans[node.0 as usize] else {
             return Ok(None);
         };
-        self.predict(scratch, node, model.as_ref(), time, Selection::Top(top));
+        let part = Selection::Top(top);
+        scratch.predicted.predict(model.as_ref(), time, part);
+        let features = &self.snapshot.node(node).features;
+        scratch
+            .ranked
+            .gather(features, scratch.predicted.features());
         let (ranked, live) = (scratch.ranked.view(), query.features.view());
         let alone = (self.cfg.matching().to_builder().unique(false)).build()?;
         Matcher::new(alone).matches_into(&mut scratch.matching, ranked, live, &mut scratch.matches);
@@ -196,12 +213,20 @@ impl Localizer {
     ) {
         let live = query.features.view();
         let Scratch {
-            matching, verify, ..
+            matching,
+            verify,
+            expectation,
+            ..
         } = scratch;
         (self.matcher).prefixes_into(matching, ranked, live, sizes, |size, matches| {
+            let vote = verify.vote(&self.cfg, matches, ranked, live);
             out[size] = Tally {
                 count: matches.len() as u32,
-                inliers: verify.vote(&self.cfg, matches, ranked, live).num_inliers,
+                inliers: vote.num_inliers,
+                log_odds: self.calibration.as_ref().map_or(0.0, |calibration| {
+                    let inliers = verify.vote.inliers();
+                    expectation.log_odds(calibration, sizes[size], matches, inliers, &vote)
+                }),
             };
         });
     }

@@ -9,7 +9,17 @@
 //! 1e-9 count as equal (sums in another order differ by less), and equal ones rank by lowest id, so
 //! that a ranking is the same for every kernel and number of threads.
 //!
-//! Not for choosing by information (what tells this place from others): that needs the other places.
+//! The n most likely features often belong to one season: a place that was snowy in half of its visits
+//! is then predicted without snow only. [`Choice::Covering`] takes features in turn so that every past
+//! appearance of the place keeps some ([`PredictedMap::predict_covering`]).
+//!
+//! Not for choosing by what tells this place from others: that needs the other places.
+
+mod witnesses;
+
+use std::collections::BinaryHeap;
+
+pub use witnesses::Witnesses;
 
 use serde::{Deserialize, Serialize};
 
@@ -69,8 +79,23 @@ impl Selection {
     }
 }
 
-/// The features of one place that are expected at one time, most likely first.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// Which features are kept first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Choice {
+    /// The most likely (T-RO 2017 VII).
+    Likeliest,
+    /// Likely ones that together cover the appearances of the place.
+    Covering,
+}
+
+/// Of a place's features, so many of the most likely take part in a covering choice.
+const COVERING_POOL: usize = 1200;
+/// So many chosen features halve what another one of the same visit adds.
+const COVERING_SATURATION: f64 = 2.0;
+
+/// The features of one place that are expected at one time, in order of choice.
+#[derive(Clone, Debug, Default)]
 pub struct PredictedMap {
     features: Vec<u32>,
     probabilities: Vec<f64>,
@@ -78,7 +103,19 @@ pub struct PredictedMap {
     scores: Vec<f64>,
     /// Sort keys, kept for the next prediction.
     keys: Vec<Key>,
+    /// Features that a covering choice has not taken yet, with what each would add.
+    gains: BinaryHeap<Gain>,
 }
+
+impl PartialEq for PredictedMap {
+    fn eq(&self, other: &Self) -> bool {
+        self.features == other.features && self.probabilities == other.probabilities
+    }
+}
+
+/// What a feature would add to a covering choice, when so many were chosen: quantised gain, then the
+/// lowest id first.
+type Gain = (i64, std::cmp::Reverse<u32>, u32);
 
 /// Orders by quantised score (descending), then id.
 type Key = (std::cmp::Reverse<i64>, u32);
@@ -114,17 +151,96 @@ impl PredictedMap {
         self.keys.sort_unstable();
         self.features.clear();
         self.features.extend(self.keys.iter().map(|&(_, id)| id));
-        self.probabilities.clear();
-        self.probabilities.extend(
-            self.keys
-                .iter()
-                .map(|&(_, id)| self.scores[id as usize].clamp(0.0, 1.0)),
-        );
+        self.note_probabilities();
     }
 
-    /// Ids of the predicted features within their place, most likely first.
+    /// The same number of features, chosen one after another by what each adds to those before.
+    ///
+    /// With `c_v` the number of features chosen so far that visit `v` saw, a feature `f` adds
+    ///
+    /// ```text
+    /// p_f(t) * mean over the visits v that saw f of 1 / (1 + c_v / 2)
+    /// ```
+    ///
+    /// so the first ones are the most likely, and a visit that is well covered counts less and less.
+    /// (Where p_f is the long-term mean, this is the greedy rule for the concave
+    /// `sum over v of ln(1 + c_v / 2)`, whose result is within 1 - 1/e of the best; Nemhauser,
+    /// Wolsey & Fisher 1978.) A feature that no witness saw is discounted like the mean over all visits.
+    ///
+    /// The 1200 most likely features take part; under [`Selection::Threshold`], which keeps all that
+    /// reach it, nothing is chosen and the order is by likelihood. The choice for a smaller n is the
+    /// beginning of that for a larger one. Gains never grow as others are chosen, so each is computed
+    /// again only when it comes to the top: O(pool + n log pool) gains of up to 64 additions in practice.
+    ///
+    /// # Panics
+    /// If `witnesses` are of a place with another number of features.
+    pub fn predict_covering(
+        &mut self,
+        model: &dyn VisibilityModel,
+        time: Time,
+        selection: Selection,
+        witnesses: &Witnesses,
+    ) {
+        let Selection::Top(n) = selection else {
+            self.predict(model, time, selection);
+            return;
+        };
+        assert_eq!(witnesses.seen().len(), model.num_features());
+        self.predict(model, time, Selection::Top(n.max(COVERING_POOL)));
+        self.gains.clear();
+        let pool = self.keys.iter();
+        (self.gains).extend(pool.map(|&(std::cmp::Reverse(p), id)| (p, std::cmp::Reverse(id), 0)));
+        self.features.clear();
+        let mut counts = [0_u32; Witnesses::MAX_VISITS];
+        let mut weights = [1.0; Witnesses::MAX_VISITS];
+        let mut mean_weight = 1.0;
+        while self.features.len() < n {
+            let Some((_, std::cmp::Reverse(id), judged_at)) = self.gains.pop() else {
+                break;
+            };
+            let seen = witnesses.seen()[id as usize];
+            let num_chosen = self.features.len() as u32;
+            if judged_at < num_chosen {
+                let weight = match seen.count_ones() {
+                    0 => mean_weight,
+                    count => {
+                        bits(seen).map(|visit| weights[visit]).sum::<f64>() / f64::from(count)
+                    }
+                };
+                let gain = (self.scores[id as usize].max(0.0) * weight * 1e9).round() as i64;
+                self.gains.push((gain, std::cmp::Reverse(id), num_chosen));
+                continue;
+            }
+            self.features.push(id);
+            for visit in bits(seen) {
+                counts[visit] += 1;
+                weights[visit] = 1.0 / (1.0 + f64::from(counts[visit]) / COVERING_SATURATION);
+            }
+            let all = &weights[..witnesses.num_visits().max(1)];
+            mean_weight = all.iter().sum::<f64>() / all.len() as f64;
+        }
+        self.note_probabilities();
+    }
+
+    fn note_probabilities(&mut self) {
+        let Self {
+            features,
+            probabilities,
+            scores,
+            ..
+        } = self;
+        probabilities.clear();
+        probabilities.extend((features.iter()).map(|&id| scores[id as usize].clamp(0.0, 1.0)));
+    }
+
+    /// Ids of the predicted features within their place, in order of choice.
     pub fn features(&self) -> &[u32] {
         &self.features
+    }
+
+    /// What the model says of each feature of the place, before it is clamped to [0, 1]; by id.
+    pub fn scores(&self) -> &[f64] {
+        &self.scores
     }
 
     /// p(t) of each of [`features`](Self::features), in [0, 1].
@@ -141,6 +257,17 @@ impl PredictedMap {
     pub fn is_empty(&self) -> bool {
         self.features.is_empty()
     }
+}
+
+/// The indices of the one bits, ascending.
+fn bits(mut word: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        (word != 0).then(|| {
+            let bit = word.trailing_zeros() as usize;
+            word &= word - 1;
+            bit
+        })
+    })
 }
 
 fn keys(scores: &[f64]) -> impl Iterator<Item = Key> + '_ {
@@ -205,6 +332,46 @@ mod tests {
                 predicted(&scores, Selection::Top(n)).features(),
                 &all.features()[..n]
             );
+        }
+    }
+
+    /// Features 0..6 belong to visits 0..3 (summer), 6..8 to visit 3 (winter).
+    fn summer_and_winter() -> Witnesses {
+        let mut log = crate::visibility::HistoryLog::new();
+        for visit in 0..4 {
+            let mut seen = crate::visibility::BitRow::zeros(8);
+            (if visit < 3 { 0..6 } else { 6..8 }).for_each(|f| seen.set(f));
+            let time = Time::from_s(visit);
+            log.push_visit(time, seen, None).expect("fits");
+        }
+        Witnesses::of(&log, crate::visibility::Visits::All).expect("fits")
+    }
+
+    #[test]
+    fn a_covering_choice_keeps_features_of_every_appearance() {
+        let model = Table(vec![0.75, 0.75, 0.75, 0.75, 0.75, 0.75, 0.25, 0.25]);
+        let mut map = PredictedMap::new();
+        map.predict(&model, Time::default(), Selection::Top(6));
+        assert_eq!(map.features(), [0, 1, 2, 3, 4, 5]);
+        let witnesses = summer_and_winter();
+        map.predict_covering(&model, Time::default(), Selection::Top(6), &witnesses);
+        // Worth of a summer feature after k others: 0.75 / (1 + k / 2), below 0.25 from k = 4 on, where
+        // the tie goes to the lower id.
+        assert_eq!(map.features(), [0, 1, 2, 3, 4, 6]);
+        assert_eq!(map.probabilities()[5], 0.25);
+    }
+
+    #[test]
+    fn the_first_n_of_a_covering_choice_are_the_same_for_every_larger_n() {
+        let model = Table(vec![0.75, 0.5, 0.6, 0.75, 0.3, 0.7, 0.25, 0.2]);
+        let witnesses = summer_and_winter();
+        let mut all = PredictedMap::new();
+        all.predict_covering(&model, Time::default(), Selection::Top(8), &witnesses);
+        assert_eq!(all.len(), 8);
+        let mut map = PredictedMap::new();
+        for n in 1..8 {
+            map.predict_covering(&model, Time::default(), Selection::Top(n), &witnesses);
+            assert_eq!(map.features(), &all.features()[..n]);
         }
     }
 

@@ -20,7 +20,7 @@ pub enum Visits<'a> {
 
 impl Visits<'_> {
     /// Indices of the visits in order of arrival.
-    fn of(self, log: &HistoryLog) -> Result<Vec<usize>> {
+    pub(crate) fn of(self, log: &HistoryLog) -> Result<Vec<usize>> {
         match self {
             Self::All => Ok((0..log.num_visits()).collect()),
             Self::Only(mask) if mask.len() == log.num_visits() => Ok(mask.ones().collect()),

@@ -427,7 +427,7 @@ fn a_map_whose_features_all_come_with_the_first_visit_is_kept() {
     );
     let map = map.expect("new");
     let cfg = LearnConfig::preset(Preset::Lttl);
-    let mut learner = Learner::resume(cfg, Snapshot::clone(&map.snapshot()));
+    let mut learner = Learner::resume(cfg, Snapshot::clone(&map.snapshot())).unwrap();
     let learnt = observe(&mut learner, 0..8);
     let node = &learnt.nodes[0];
     assert_eq!(node.born_at(0), 0..node.features.len());
@@ -441,7 +441,7 @@ fn a_map_whose_features_all_come_with_the_first_visit_is_kept() {
     assert_eq!(report.digest, Some(learnt.digest()));
     // A later image without new features extends the map, one with new features rewrites its past.
     let cfg = LearnConfig::preset(Preset::Lttl);
-    let mut learner = Learner::resume(cfg, Snapshot::clone(&reopened.snapshot()));
+    let mut learner = Learner::resume(cfg, Snapshot::clone(&reopened.snapshot())).unwrap();
     let more = observe(&mut learner, 12..14);
     reopened.commit(&more).expect("extends");
     assert!(Map::verify(&path).expect("is a map").is_clean());

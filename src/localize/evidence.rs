@@ -1,0 +1,276 @@
+//! How much does one match of features say for a place?
+//!
+//! With p_f the probability that predicted feature f is matched at its place, q_f the probability that
+//! it is matched in an image of another place, d its matching distance and D the displacement that the
+//! matches agree on, the log odds of "this place" against "somewhere else" are
+//!
+//! ```text
+//! ln( P(D | here) / P(D | elsewhere) )
+//!   + ln mean over witnesses v of product over f of
+//!         p_fv / q_f * g1(d) / g0(d)        f matched
+//!         (1 - p_fv) / (1 - q_f)            f not matched
+//!   p_fv = (p_f + r s_fv) / 2
+//! ```
+//!
+//! Matched and missing features both count. The mixture over witnesses (past visits of the place, s_fv
+//! whether v saw f, [`Witnesses`]) is what makes features that appear together speak as one: an image
+//! like those of the snowy visits is not held against the place because all summer features are
+//! missing. r = 0.8 is the rate at which a feature is detected again under the same conditions; an
+//! appearance of one visit has no witnesses, and its p_f stands for itself.
+//!
+//! Source: the likelihood ratio over matched and missing features goes beyond T-RO 2017 VII, which
+//! counts matches; a mixture over remembered appearances is the idea of experience-based navigation
+//! (Churchill & Newman 2013) and of FAB-MAP's place models (Cummins & Newman 2008).
+//!
+//! Cost: 4 logarithms a feature, one addition a feature and witness, one exponential a witness.
+
+use super::calibration::Calibration;
+use crate::matching::{Match, Vote};
+use crate::predict::Witnesses;
+
+/// How often a feature of one visit is detected in another one that looks the same.
+const REPEATABILITY: f64 = 0.8;
+/// How much a witness is believed over the model of the single feature.
+const WITNESS_WEIGHT: f64 = 0.5;
+/// Probabilities of a match stay this far from 0 and 1.
+const MIN_DETECTION: f64 = 0.003;
+const MAX_DETECTION: f64 = 0.97;
+
+/// The log odds of a place of which nothing is remembered.
+pub(super) const NO_EVIDENCE: f64 = -1000.0;
+
+/// What each feature of a predicted map or appearance would say, matched or missing; memory that is
+/// used again.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Expectation {
+    /// Log ratio of a missing feature that the witness did not see.
+    missing: Vec<f64>,
+    /// What is added if it is matched.
+    matched: Vec<f64>,
+    /// What is added if the witness saw it: missing, matched.
+    seen: Vec<[f64; 2]>,
+    /// One bit a witness.
+    words: Vec<u64>,
+    num_witnesses: usize,
+    /// Distance of the feature's match, where it is an inlier.
+    hits: Vec<Option<u16>>,
+}
+
+impl Expectation {
+    /// Starts over, with this many witnesses (0 for an appearance).
+    pub(super) fn restart(&mut self, num_witnesses: usize) {
+        self.missing.clear();
+        self.matched.clear();
+        self.seen.clear();
+        self.words.clear();
+        self.num_witnesses = num_witnesses;
+    }
+
+    /// Adds the next feature: `detection` p_f, `false_rate` q_f, and the witnesses that saw it.
+    pub(super) fn push(&mut self, detection: f64, false_rate: f64, witnesses: u64) {
+        let [missing, matched] = log_ratios(
+            if self.num_witnesses == 0 {
+                detection
+            } else {
+                (1.0 - WITNESS_WEIGHT) * detection
+            },
+            false_rate,
+        );
+        self.missing.push(missing);
+        self.matched.push(matched - missing);
+        self.words.push(witnesses);
+        if self.num_witnesses > 0 {
+            let witnessed = (1.0 - WITNESS_WEIGHT) * detection + WITNESS_WEIGHT * REPEATABILITY;
+            let [missing_seen, matched_seen] = log_ratios(witnessed, false_rate);
+            self.seen
+                .push([missing_seen - missing, matched_seen - matched]);
+        }
+    }
+
+    /// The log odds given the `matches` of the first `len` features, of which `inliers` agree on the
+    /// displacement of `vote`.
+    pub(super) fn log_odds(
+        &mut self,
+        calibration: &Calibration,
+        len: usize,
+        matches: &[Match],
+        inliers: &[bool],
+        vote: &Vote,
+    ) -> f64 {
+        let len = len.min(self.missing.len());
+        self.hits.clear();
+        self.hits.resize(len, None);
+        for (found, &is_inlier) in matches.iter().zip(inliers) {
+            if is_inlier {
+                let hit = &mut self.hits[found.map as usize];
+                let nearest = hit.map_or(found.distance_bits, |d| d.min(found.distance_bits));
+                *hit = Some(nearest);
+            }
+        }
+        let mut common = if vote.num_inliers > 0 {
+            calibration.displacement_log_ratio(vote.median)
+        } else {
+            0.0
+        };
+        for (feature, hit) in self.hits.iter().enumerate() {
+            common += self.missing[feature];
+            if let Some(distance_bits) = *hit {
+                common += self.matched[feature] + calibration.distance_log_ratio(distance_bits);
+            }
+        }
+        common + self.log_mean_over_witnesses(len)
+    }
+
+    fn log_mean_over_witnesses(&self, len: usize) -> f64 {
+        if self.num_witnesses == 0 {
+            return 0.0;
+        }
+        let mut sums = [0.0; Witnesses::MAX_VISITS];
+        let sums = &mut sums[..self.num_witnesses];
+        for ((hit, seen), &word) in self.hits[..len].iter().zip(&self.seen).zip(&self.words) {
+            let added = seen[usize::from(hit.is_some())];
+            for (witness, sum) in sums.iter_mut().enumerate() {
+                // A multiplication instead of a branch: the loop has no surprises for the processor.
+                *sum += added * (word >> witness & 1) as f64;
+            }
+        }
+        let mut mean = LogMean::default();
+        for &sum in &*sums {
+            mean.push(sum);
+        }
+        mean.value()
+    }
+}
+
+/// Log ratios of a missing and of a matched feature.
+fn log_ratios(detection: f64, false_rate: f64) -> [f64; 2] {
+    let p = detection.clamp(MIN_DETECTION, MAX_DETECTION);
+    let q = false_rate;
+    [((1.0 - p) / (1.0 - q)).ln(), (p / q).ln()]
+}
+
+/// `ln(mean of exp)` of what was pushed, without overflow.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LogMean {
+    most: f64,
+    sum: f64,
+    count: u32,
+}
+
+impl Default for LogMean {
+    fn default() -> Self {
+        Self {
+            most: f64::NEG_INFINITY,
+            sum: 0.0,
+            count: 0,
+        }
+    }
+}
+
+impl LogMean {
+    pub(super) fn push(&mut self, log: f64) {
+        if log > self.most {
+            self.sum = self.sum * (self.most - log).exp() + 1.0;
+            self.most = log;
+        } else {
+            self.sum += (log - self.most).exp();
+        }
+        self.count += 1;
+    }
+
+    /// [`NO_EVIDENCE`] if nothing was pushed.
+    pub(super) fn value(&self) -> f64 {
+        if self.count == 0 {
+            return NO_EVIDENCE;
+        }
+        self.most + (self.sum / f64::from(self.count)).ln()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::matching::Displacement;
+
+    fn found(map: u32, distance_bits: u16) -> Match {
+        Match {
+            map,
+            live: map,
+            distance_bits,
+        }
+    }
+
+    /// The formula of the module, term by term.
+    fn by_definition(features: &[(f64, f64, u64)], num_witnesses: usize, hits: &[bool]) -> f64 {
+        let product = |witness: Option<usize>| -> f64 {
+            (features.iter().zip(hits))
+                .map(|(&(p, q, word), &hit)| {
+                    let p = match witness {
+                        Some(v) => 0.5 * p + 0.4 * (word >> v & 1) as f64,
+                        None => p,
+                    };
+                    if hit { p / q } else { (1.0 - p) / (1.0 - q) }
+                })
+                .product()
+        };
+        if num_witnesses == 0 {
+            product(None).ln()
+        } else {
+            let sum: f64 = (0..num_witnesses).map(|v| product(Some(v))).sum();
+            (sum / num_witnesses as f64).ln()
+        }
+    }
+
+    #[test]
+    fn log_odds_are_those_of_the_formula() {
+        let features = [(0.5, 0.1, 0b011), (0.3, 0.02, 0b100), (0.8, 0.05, 0b001)];
+        let calibration = Calibration::uninformed();
+        for num_witnesses in [0, 3] {
+            let mut expectation = Expectation::default();
+            expectation.restart(num_witnesses);
+            for (p, q, word) in features {
+                expectation.push(p, q, word);
+            }
+            for pattern in 0..8_u32 {
+                let hits = [0, 1, 2].map(|f| pattern >> f & 1 == 1);
+                let matches: Vec<Match> = (0..3)
+                    .filter(|&f| hits[f as usize])
+                    .map(|f| found(f, 7))
+                    .collect();
+                let inliers = vec![true; matches.len()];
+                let vote = Vote {
+                    num_inliers: matches.len() as u32,
+                    mean: Displacement::default(),
+                    median: Displacement::default(),
+                    spread: Displacement::default(),
+                };
+                let odds = expectation.log_odds(&calibration, 3, &matches, &inliers, &vote);
+                let expected = by_definition(&features, num_witnesses, &hits);
+                assert!((odds - expected).abs() < 1e-12, "{odds} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_match_that_disagrees_counts_as_missing() {
+        let calibration = Calibration::uninformed();
+        let mut expectation = Expectation::default();
+        expectation.restart(0);
+        expectation.push(0.5, 0.01, 0);
+        let vote = Vote::default();
+        let outlier = expectation.log_odds(&calibration, 1, &[found(0, 3)], &[false], &vote);
+        let nothing = expectation.log_odds(&calibration, 1, &[], &[], &vote);
+        assert_eq!(outlier, nothing);
+        assert!(nothing < 0.0);
+    }
+
+    #[test]
+    fn the_mean_of_logs_does_not_overflow() {
+        let mut mean = LogMean::default();
+        assert_eq!(mean.value(), NO_EVIDENCE);
+        for log in [-2000.0, 1000.0, 1000.0, -5.0] {
+            mean.push(log);
+        }
+        assert!((mean.value() - (1000.0 - 2.0_f64.ln())).abs() < 1e-9);
+    }
+}

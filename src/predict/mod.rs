@@ -93,6 +93,8 @@ pub enum Choice {
 const COVERING_POOL: usize = 1200;
 /// So many chosen features halve what another one of the same visit adds.
 const COVERING_SATURATION: f64 = 2.0;
+/// Which share of the largest possible gain is enough to be chosen.
+pub const GOOD_ENOUGH: f64 = 0.9;
 
 /// The features of one place that are expected at one time, in order of choice.
 #[derive(Clone, Debug, Default)]
@@ -104,7 +106,7 @@ pub struct PredictedMap {
     /// Sort keys, kept for the next prediction.
     keys: Vec<Key>,
     /// Features that a covering choice has not taken yet, with what each would add.
-    gains: BinaryHeap<Gain>,
+    gains: Vec<u64>,
 }
 
 impl PartialEq for PredictedMap {
@@ -113,9 +115,48 @@ impl PartialEq for PredictedMap {
     }
 }
 
-/// What a feature would add to a covering choice, when so many were chosen: quantised gain, then the
-/// lowest id first.
-type Gain = (i64, std::cmp::Reverse<u32>, u32);
+/// How well each visit is covered by the features chosen so far.
+struct Cover {
+    counts: [u32; Witnesses::MAX_VISITS],
+    weights: [f64; Witnesses::MAX_VISITS],
+    num_visits: usize,
+}
+
+impl Cover {
+    fn new(num_visits: usize) -> Self {
+        Self {
+            counts: [0; Witnesses::MAX_VISITS],
+            weights: [1.0; Witnesses::MAX_VISITS],
+            num_visits,
+        }
+    }
+
+    /// What a feature of these visits is discounted by.
+    fn weight(&self, seen: u64) -> f64 {
+        let (sum, count) = match seen.count_ones() {
+            0 => (
+                self.weights[..self.num_visits].iter().sum(),
+                self.num_visits.max(1) as u32,
+            ),
+            count => (bits(seen).map(|visit| self.weights[visit]).sum::<f64>(), count),
+        };
+        sum / f64::from(count)
+    }
+
+    fn add(&mut self, seen: u64) {
+        for visit in bits(seen) {
+            self.counts[visit] += 1;
+            self.weights[visit] = 1.0 / (1.0 + f64::from(self.counts[visit]) / COVERING_SATURATION);
+        }
+    }
+}
+
+/// A gain in [0, 4) in steps of 2^-30, then the lowest id first, in one number.
+fn gain(value: f64, id: u32) -> u64 {
+    // The cast saturates: what is below 0 counts as 0, what is above 4 as just below it.
+    let steps = (value * f64::from(1 << 30) + 0.5) as u32;
+    u64::from(steps) << 32 | u64::from(!id)
+}
 
 /// Orders by quantised score (descending), then id.
 type Key = (std::cmp::Reverse<i64>, u32);
@@ -130,6 +171,15 @@ impl PredictedMap {
     ///
     /// Buffers are reused: no allocation once they have grown to the place's size.
     pub fn predict(&mut self, model: &dyn VisibilityModel, time: Time, selection: Selection) {
+        self.shortlist(model, time, selection);
+        self.keys.sort_unstable();
+        self.features.clear();
+        self.features.extend(self.keys.iter().map(|&(_, id)| id));
+        self.note_probabilities();
+    }
+
+    /// Leaves the keys of the selected features in `keys`, in any order.
+    fn shortlist(&mut self, model: &dyn VisibilityModel, time: Time, selection: Selection) {
         self.scores.clear();
         self.scores.resize(model.num_features(), 0.0);
         model.score_into(time, &mut self.scores);
@@ -148,10 +198,6 @@ impl PredictedMap {
                     .extend(keys(scores).filter(|&(_, id)| scores[id as usize] >= p));
             }
         }
-        self.keys.sort_unstable();
-        self.features.clear();
-        self.features.extend(self.keys.iter().map(|&(_, id)| id));
-        self.note_probabilities();
     }
 
     /// The same number of features, chosen one after another by what each adds to those before.
@@ -169,8 +215,11 @@ impl PredictedMap {
     ///
     /// The 1200 most likely features take part; under [`Selection::Threshold`], which keeps all that
     /// reach it, nothing is chosen and the order is by likelihood. The choice for a smaller n is the
-    /// beginning of that for a larger one. Gains never grow as others are chosen, so each is computed
-    /// again only when it comes to the top: O(pool + n log pool) gains of up to 64 additions in practice.
+    /// beginning of that for a larger one.
+    ///
+    /// Gains never grow as others are chosen, so a gain is computed again only when it comes to the top
+    /// (Minoux 1978), and a feature is taken if it adds at least [`GOOD_ENOUGH`] of the most that any
+    /// other could. Cost: O(pool) and a few gains a feature.
     ///
     /// # Panics
     /// If `witnesses` are of a place with another number of features.
@@ -186,39 +235,28 @@ impl PredictedMap {
             return;
         };
         assert_eq!(witnesses.seen().len(), model.num_features());
-        self.predict(model, time, Selection::Top(n.max(COVERING_POOL)));
-        self.gains.clear();
-        let pool = self.keys.iter();
-        (self.gains).extend(pool.map(|&(std::cmp::Reverse(p), id)| (p, std::cmp::Reverse(id), 0)));
+        self.shortlist(model, time, Selection::Top(COVERING_POOL.max(n)));
+        let mut gains = std::mem::take(&mut self.gains);
+        gains.clear();
+        gains.extend((self.keys.iter()).map(|&(_, id)| gain(self.scores[id as usize], id)));
+        let mut gains = BinaryHeap::from(gains);
         self.features.clear();
-        let mut counts = [0_u32; Witnesses::MAX_VISITS];
-        let mut weights = [1.0; Witnesses::MAX_VISITS];
-        let mut mean_weight = 1.0;
-        while self.features.len() < n {
-            let Some((_, std::cmp::Reverse(id), judged_at)) = self.gains.pop() else {
-                break;
-            };
+        let mut cover = Cover::new(witnesses.num_visits());
+        while self.features.len() < n
+            && let Some(stale) = gains.pop()
+        {
+            let id = !(stale as u32);
             let seen = witnesses.seen()[id as usize];
-            let num_chosen = self.features.len() as u32;
-            if judged_at < num_chosen {
-                let weight = match seen.count_ones() {
-                    0 => mean_weight,
-                    count => {
-                        bits(seen).map(|visit| weights[visit]).sum::<f64>() / f64::from(count)
-                    }
-                };
-                let gain = (self.scores[id as usize].max(0.0) * weight * 1e9).round() as i64;
-                self.gains.push((gain, std::cmp::Reverse(id), num_chosen));
-                continue;
+            let now = gain(self.scores[id as usize] * cover.weight(seen), id);
+            let next = gains.peek().map_or(0, |next| next >> 32);
+            if (now >> 32) as f64 >= GOOD_ENOUGH * next as f64 {
+                self.features.push(id);
+                cover.add(seen);
+            } else {
+                gains.push(now);
             }
-            self.features.push(id);
-            for visit in bits(seen) {
-                counts[visit] += 1;
-                weights[visit] = 1.0 / (1.0 + f64::from(counts[visit]) / COVERING_SATURATION);
-            }
-            let all = &weights[..witnesses.num_visits().max(1)];
-            mean_weight = all.iter().sum::<f64>() / all.len() as f64;
         }
+        self.gains = gains.into_vec();
         self.note_probabilities();
     }
 
@@ -273,7 +311,7 @@ fn bits(mut word: u64) -> impl Iterator<Item = usize> {
 fn keys(scores: &[f64]) -> impl Iterator<Item = Key> + '_ {
     scores.iter().enumerate().map(|(id, score)| {
         // Scores are sums of a few numbers in [-2, 2]: far from the ends of i64.
-        (std::cmp::Reverse((score * 1e9).round() as i64), id as u32)
+        (std::cmp::Reverse((score * 1e9 + 0.5_f64.copysign(*score)) as i64), id as u32)
     })
 }
 
@@ -355,8 +393,8 @@ mod tests {
         assert_eq!(map.features(), [0, 1, 2, 3, 4, 5]);
         let witnesses = summer_and_winter();
         map.predict_covering(&model, Time::default(), Selection::Top(6), &witnesses);
-        // Worth of a summer feature after k others: 0.75 / (1 + k / 2), below 0.25 from k = 4 on, where
-        // the tie goes to the lower id.
+        // Worth of a summer feature after k others: 0.75 / (1 + k / 2), which is 0.25 for k = 4, where
+        // the tie goes to the lower id, and less from then on.
         assert_eq!(map.features(), [0, 1, 2, 3, 4, 6]);
         assert_eq!(map.probabilities()[5], 0.25);
     }

@@ -18,9 +18,11 @@ use chronotope::Time;
 use chronotope::dataset::{Clock, Dataset, Manifest, Side};
 use chronotope::feature::Features;
 use chronotope::learn::{KeepAppearances, LearnConfig, Learner, Observation};
-use chronotope::localize::{Decision, Localization, Localizer, Method, Preset, Query, Score, Scratch, Sweep};
+use chronotope::localize::{
+    Decision, Localization, Localizer, Method, Preset, Query, Score, Scratch, Sweep,
+};
 use chronotope::map::{MapMeta, NodeId, SessionId, Snapshot, derived_uuid};
-use chronotope::predict::Selection;
+use chronotope::predict::{Choice, Selection};
 use rayon::prelude::*;
 
 use crate::exhibit::Exhibit;
@@ -243,7 +245,8 @@ impl<'s> Tallies<'s> {
     ) -> Result<Vec<(usize, Vec<Said>)>> {
         let times = times(&material.dataset, arm)?;
         let snapshot = learn(material, fold, arm, &times)?;
-        let localizers = localizers(&snapshot, arm, self.has_clock)?;
+        let runs = arm.runs(self.has_clock);
+        let localizers = localizers(&snapshot, &runs)?;
         let num_live = LearnConfig::preset(arm.preset).features_per_visit();
         (fold.query.par_iter())
             .map_init(
@@ -259,7 +262,8 @@ impl<'s> Tallies<'s> {
                     };
                     let truth = snapshot.find(&material.dataset.entries[entry].place);
                     let said = (localizers.iter())
-                        .map(|localizer| ask(localizer, arm, &query, truth, scratch, sweep))
+                        .zip(&runs)
+                        .map(|(localizer, run)| ask(localizer, run, &query, truth, scratch, sweep))
                         .collect::<Result<_>>()?;
                     Ok((entry, said))
                 },
@@ -274,7 +278,7 @@ impl<'s> Tallies<'s> {
         let default = chronotope::localize::LocalizerConfig::default();
         self.variants.extend(runs.iter().map(|run| VariantTally {
             preset: arm.preset,
-            scores: arm.scores.clone(),
+            scores: run.scores.clone(),
             run: run.clone(),
             is_default: arm.preset == Preset::Default && run.localizer == default,
             pairs_compared: vec![0; self.suite.sizes.len()],
@@ -349,7 +353,7 @@ impl<'s> Tallies<'s> {
         let mut scratch = Scratch::default();
         let mut sweep = Sweep::new(&self.suite.sizes)?;
         let mut out = Localization::default();
-        for (index, mut localizer) in localizers(&snapshot, arm, self.has_clock)?
+        for (index, mut localizer) in localizers(&snapshot, &arm.runs(self.has_clock))?
             .into_iter()
             .enumerate()
         {
@@ -524,10 +528,10 @@ pub fn learn(material: &Material, fold: &Fold, arm: &Arm, times: &[Time]) -> Res
     Ok(learner.snapshot()?)
 }
 
-/// One localizer for each run of the arm.
-fn localizers(snapshot: &Arc<Snapshot>, arm: &Arm, has_clock: bool) -> Result<Vec<Localizer>> {
-    (arm.runs(has_clock).into_iter())
-        .map(|run| Ok(Localizer::new(Arc::clone(snapshot), run.localizer)?))
+/// One localizer for each run.
+fn localizers(snapshot: &Arc<Snapshot>, runs: &[Run]) -> Result<Vec<Localizer>> {
+    (runs.iter())
+        .map(|run| Ok(Localizer::new(Arc::clone(snapshot), run.localizer.clone())?))
         .collect()
 }
 
@@ -538,7 +542,7 @@ fn rounded(p: f64) -> f64 {
 
 fn ask(
     localizer: &Localizer,
-    arm: &Arm,
+    run: &Run,
     query: &Query<'_>,
     truth: Option<NodeId>,
     scratch: &mut Scratch,
@@ -553,14 +557,16 @@ fn ask(
             .collect();
         let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let weighed = localizer.posterior(score, sweep.sizes()[size], &scores);
-        let posterior = weighed.as_ref().map_or_else(BTreeMap::new, |(shares, elsewhere)| {
-            let mut named: BTreeMap<String, f64> = (shares.iter().enumerate())
-                .filter(|(_, share)| **share >= LEAST_SHARE)
-                .map(|(node, share)| (name(node), rounded(*share)))
-                .collect();
-            named.insert(results::ELSEWHERE.into(), rounded(*elsewhere));
-            named
-        });
+        let posterior = weighed
+            .as_ref()
+            .map_or_else(BTreeMap::new, |(shares, elsewhere)| {
+                let mut named: BTreeMap<String, f64> = (shares.iter().enumerate())
+                    .filter(|(_, share)| **share >= LEAST_SHARE)
+                    .map(|(node, share)| (name(node), rounded(*share)))
+                    .collect();
+                named.insert(results::ELSEWHERE.into(), rounded(*elsewhere));
+                named
+            });
         // Without a single match, a count ranks nothing.
         if best <= 0.0 && score != Score::Likelihood {
             return Answer {
@@ -597,7 +603,7 @@ fn ask(
             },
         }
     };
-    let answers = (arm.scores.iter())
+    let answers = (run.scores.iter())
         .map(|&score| {
             (0..sweep.sizes().len())
                 .map(|size| answer(score, size))
@@ -606,7 +612,11 @@ fn ask(
         .collect();
     let pairs_compared = sweep.pairs_compared().to_vec();
     let reobserved = match truth {
-        Some(node) if matches!(localizer.cfg().method(), Method::Static | Method::Fremen) => {
+        // By the most likely features, as in the papers, so once for each model.
+        Some(node)
+            if matches!(localizer.cfg().method(), Method::Static | Method::Fremen)
+                && localizer.cfg().choice() == Choice::Likeliest =>
+        {
             let selected = localizer.snapshot().node(node).features.len().min(TOP);
             localizer
                 .reobserved(scratch, query, node, TOP)?

@@ -5,6 +5,7 @@
 //! and scores to run it with. Suites hold no results and no thresholds.
 
 use chronotope::localize::{LocalizerConfig, Method, Preset, Score};
+use chronotope::predict::Choice;
 use chronotope::visibility::VisibilityConfig;
 use chronotope::{Error, ErrorKind, Period, Result};
 use serde::Deserialize;
@@ -114,8 +115,10 @@ pub struct Model {
 /// One thing to run, for all scores and all n.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// How to localise; its score is the first of the arm's.
+    /// How to localise; its score is the first of `scores`.
     pub localizer: LocalizerConfig,
+    /// What places are ranked by, all from one pass.
+    pub scores: Vec<Score>,
     /// Its name in tables, without score.
     pub model: String,
     /// Components of the model.
@@ -168,6 +171,9 @@ impl Arm {
     }
 
     /// Everything to run, in the order of tables; without a clock, only what needs no time.
+    ///
+    /// Methods that predict features are run twice where the arm asks for likelihoods too: those go with
+    /// the preset's choice of features, matches are counted on the most likely ones, as in the papers.
     pub fn runs(&self, has_clock: bool) -> Vec<Run> {
         let mut runs = Vec::new();
         for &method in &self.methods {
@@ -175,40 +181,71 @@ impl Arm {
                 continue;
             }
             let base = LocalizerConfig::preset(self.preset).with_method(method);
-            let base = match self.scores.first() {
-                Some(&score) => base.with_score(score),
-                None => base,
-            };
             match method {
-                Method::Static => runs.push(Run {
-                    localizer: base.with_visibility(VisibilityConfig::mean()),
-                    model: "mean".into(),
-                    order: 0,
-                }),
+                Method::Static => {
+                    self.predicting(
+                        &mut runs,
+                        &base.with_visibility(VisibilityConfig::mean()),
+                        "mean",
+                        0,
+                    );
+                }
                 Method::Experience | Method::ExperienceAll => runs.push(Run {
-                    localizer: base,
+                    localizer: scored(&base, &self.scores),
+                    scores: self.scores.clone(),
                     model: "none".into(),
                     order: 0,
                 }),
-                Method::Fremen | Method::Freex => {
-                    let all = self.models.iter().flat_map(|model| {
-                        let orders = model.orders.iter();
-                        orders.map(move |&order| (model, order))
-                    });
-                    let wanted = if method == Method::Freex {
-                        1
-                    } else {
-                        usize::MAX
-                    };
-                    runs.extend(all.take(wanted).map(|(model, order)| Run {
-                        localizer: base.clone().with_visibility(model.visibility(&base, order)),
-                        model: model.name.clone(),
-                        order: order as u32,
+                Method::Fremen => {
+                    for (model, order) in self.models_and_orders() {
+                        let cfg = base.clone().with_visibility(model.visibility(&base, order));
+                        self.predicting(&mut runs, &cfg, &model.name, order as u32);
+                    }
+                }
+                Method::Freex => {
+                    runs.extend(self.models_and_orders().take(1).map(|(model, order)| {
+                        let cfg = base.clone().with_visibility(model.visibility(&base, order));
+                        Run {
+                            localizer: scored(&cfg, &self.scores),
+                            scores: self.scores.clone(),
+                            model: model.name.clone(),
+                            order: order as u32,
+                        }
                     }));
                 }
             }
         }
         runs
+    }
+
+    fn models_and_orders(&self) -> impl Iterator<Item = (&Model, usize)> {
+        self.models
+            .iter()
+            .flat_map(|model| model.orders.iter().map(move |&order| (model, order)))
+    }
+
+    /// The runs of one model of features.
+    fn predicting(&self, runs: &mut Vec<Run>, cfg: &LocalizerConfig, model: &str, order: u32) {
+        let (likelihood, counting): (Vec<Score>, Vec<Score>) =
+            (self.scores.iter()).partition(|score| **score == Score::Likelihood);
+        let as_in_papers = cfg.clone().with_choice(Choice::Likeliest);
+        for (scores, cfg) in [(likelihood, cfg), (counting, &as_in_papers)] {
+            if !scores.is_empty() {
+                runs.push(Run {
+                    localizer: scored(cfg, &scores),
+                    scores,
+                    model: model.into(),
+                    order,
+                });
+            }
+        }
+    }
+}
+
+fn scored(cfg: &LocalizerConfig, scores: &[Score]) -> LocalizerConfig {
+    match scores.first() {
+        Some(&score) => cfg.clone().with_score(score),
+        None => cfg.clone(),
     }
 }
 

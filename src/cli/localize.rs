@@ -485,7 +485,9 @@ impl<'a> Report<'a> {
         let share = |share: &Option<Share<'_>>| match share {
             Some(share) => format!(
                 "{}, score {}, posterior {:.3}",
-                share.place, rounded(share.score), share.posterior
+                share.place,
+                rounded(share.score),
+                share.posterior
             ),
             None => "none".into(),
         };

@@ -33,7 +33,8 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::feature::{Features, FeaturesView, GrayImage};
 use crate::localize::Score;
 use crate::map::{
-    AppearanceUse, MapMeta, Node, PlaceKey, Reobservation, SessionId, Snapshot, Visit, VisitId, features_digest,
+    AppearanceUse, MapMeta, Node, PlaceKey, Reobservation, SessionId, Snapshot, Visit, VisitId,
+    features_digest,
 };
 use crate::matching::{
     Displacement, Match, MatchScratch, Matcher, VoteScratch, displacements_into, vote_displacement,

@@ -393,8 +393,10 @@ impl LocalizerConfig {
 }
 
 fn probability(p: f64) -> f64 {
-    // NaN becomes the least.
-    p.max(1e-9).min(1.0 - 1e-9)
+    if p.is_nan() {
+        return 1e-9;
+    }
+    p.clamp(1e-9, 1.0 - 1e-9)
 }
 
 #[cfg(test)]
@@ -412,7 +414,12 @@ mod tests {
 
     #[test]
     fn probabilities_and_scores_that_make_no_sense_are_refused() {
-        for text in ["risk = 1.0", "elsewhere = nan", "calibrated = false", "risk = -0.1"] {
+        for text in [
+            "risk = 1.0",
+            "elsewhere = nan",
+            "calibrated = false",
+            "risk = -0.1",
+        ] {
             assert!(toml::from_str::<LocalizerConfig>(text).is_err(), "{text}");
         }
         let cfg = LocalizerConfig::default().with_risk(f64::NAN);

@@ -1,6 +1,6 @@
 //! How much does one match of features say for a place?
 //!
-//! With p_f the probability that predicted feature f is matched at its place, q_f the probability that
+//! With `p_f` the probability that predicted feature f is matched at its place, `q_f` the probability that
 //! it is matched in an image of another place, d its matching distance and D the displacement that the
 //! matches agree on, the log odds of "this place" against "somewhere else" are
 //!
@@ -12,11 +12,11 @@
 //!   p_fv = (p_f + r s_fv) / 2
 //! ```
 //!
-//! Matched and missing features both count. The mixture over witnesses (past visits of the place, s_fv
+//! Matched and missing features both count. The mixture over witnesses (past visits of the place, `s_fv`
 //! whether v saw f, [`Witnesses`]) is what makes features that appear together speak as one: an image
 //! like those of the snowy visits is not held against the place because all summer features are
 //! missing. r = 0.8 is the rate at which a feature is detected again under the same conditions; an
-//! appearance of one visit has no witnesses, and its p_f stands for itself.
+//! appearance of one visit has no witnesses, and its `p_f` stands for itself.
 //!
 //! Source: the likelihood ratio over matched and missing features goes beyond T-RO 2017 VII, which
 //! counts matches; a mixture over remembered appearances is the idea of experience-based navigation
@@ -66,7 +66,7 @@ impl Expectation {
         self.num_witnesses = num_witnesses;
     }
 
-    /// Adds the next feature: `detection` p_f, `false_rate` q_f, and the witnesses that saw it.
+    /// Adds the next feature: `detection` is `p_f`, `false_rate` `q_f`, and the witnesses that saw it.
     pub(super) fn push(&mut self, detection: f64, false_rate: f64, witnesses: u64) {
         let [missing, matched] = log_ratios(
             if self.num_witnesses == 0 {

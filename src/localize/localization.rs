@@ -98,7 +98,10 @@ impl fmt::Display for Reason {
         let Self { best, second, rule } = *self;
         match (rule, second) {
             (Rule::MinScore(least), _) if best < f64::from(least) => {
-                write!(f, "the best place scores {best}, below the least score {least}")
+                write!(
+                    f,
+                    "the best place scores {best}, below the least score {least}"
+                )
             }
             (Rule::MinScore(_), Some(second)) if second == best => {
                 write!(f, "several places share the best score {best}")

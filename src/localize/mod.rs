@@ -219,7 +219,8 @@ impl Localizer {
                     self.predict(scratch, id, model.as_ref(), witnesses, time);
                     candidate.predict(&scratch.predicted);
                     let ranked = std::mem::take(&mut scratch.ranked);
-                    out.pairs_compared += self.verify(scratch, candidate, None, ranked.view(), live);
+                    out.pairs_compared +=
+                        self.verify(scratch, candidate, None, ranked.view(), live);
                     scratch.ranked = ranked;
                 }
                 plan @ Plan::Appearances { .. } => {
@@ -396,13 +397,7 @@ impl Localizer {
     }
 
     /// Notes what each feature of an appearance would say.
-    fn expect_appearance(
-        &self,
-        expectation: &mut Expectation,
-        id: NodeId,
-        visit: u32,
-        len: usize,
-    ) {
+    fn expect_appearance(&self, expectation: &mut Expectation, id: NodeId, visit: u32, len: usize) {
         if let Some(calibration) = &self.calibration {
             calibration.expect_appearance(expectation, id, visit, len);
         }

@@ -138,7 +138,10 @@ impl Cover {
                 self.weights[..self.num_visits].iter().sum(),
                 self.num_visits.max(1) as u32,
             ),
-            count => (bits(seen).map(|visit| self.weights[visit]).sum::<f64>(), count),
+            count => (
+                bits(seen).map(|visit| self.weights[visit]).sum::<f64>(),
+                count,
+            ),
         };
         sum / f64::from(count)
     }
@@ -209,7 +212,7 @@ impl PredictedMap {
     /// ```
     ///
     /// so the first ones are the most likely, and a visit that is well covered counts less and less.
-    /// (Where p_f is the long-term mean, this is the greedy rule for the concave
+    /// (Where `p_f` is the long-term mean, this is the greedy rule for the concave
     /// `sum over v of ln(1 + c_v / 2)`, whose result is within 1 - 1/e of the best; Nemhauser,
     /// Wolsey & Fisher 1978.) A feature that no witness saw is discounted like the mean over all visits.
     ///
@@ -311,7 +314,10 @@ fn bits(mut word: u64) -> impl Iterator<Item = usize> {
 fn keys(scores: &[f64]) -> impl Iterator<Item = Key> + '_ {
     scores.iter().enumerate().map(|(id, score)| {
         // Scores are sums of a few numbers in [-2, 2]: far from the ends of i64.
-        (std::cmp::Reverse((score * 1e9 + 0.5_f64.copysign(*score)) as i64), id as u32)
+        (
+            std::cmp::Reverse((score * 1e9 + 0.5_f64.copysign(*score)) as i64),
+            id as u32,
+        )
     })
 }
 

@@ -210,7 +210,8 @@ impl<'a> Cohorts<'a> {
         let from = self.evidence.first_visit(feature);
         let is_same = from == self.from && !is_first && !self.any_hidden;
         for index in self.from..from {
-            self.design.add(index, -1, &mut self.grams[self.run_of[index]]);
+            self.design
+                .add(index, -1, &mut self.grams[self.run_of[index]]);
         }
         self.from = from;
         if is_same {
@@ -406,7 +407,9 @@ fn choose(
             let of_run = |run: &Gram| -> Vec<_> {
                 let learnt = std::array::from_fn(|at| all[at] - run[at]);
                 let of_choice = all_columns.iter();
-                of_choice.map(|columns| equations(&learnt, columns, ridge)).collect()
+                of_choice
+                    .map(|columns| equations(&learnt, columns, ridge))
+                    .collect()
             };
             factors = next.iter().map(of_run).collect::<Vec<_>>();
             grams = next;
@@ -421,7 +424,9 @@ fn choose(
         for run in 0..num_runs {
             for (choice, columns) in all_columns.iter().enumerate() {
                 // Without observations in the other runs nothing is foretold, by no choice.
-                let Some(factor) = &factors[run][choice] else { continue };
+                let Some(factor) = &factors[run][choice] else {
+                    continue;
+                };
                 let mut b: Vec<f64> = (columns.iter())
                     .map(|&c| from_fixed(all[c] - seen[run][c]))
                     .collect();
@@ -432,7 +437,10 @@ fn choose(
     }
     let totals: Vec<f64> = errors.iter().map(|runs| runs.iter().sum()).collect();
     // The first of equals has fewest rhythms; sums of one value must not choose by their last bits.
-    let rounded: Vec<f64> = totals.iter().map(|total| total / totals[0].max(1e-9)).collect();
+    let rounded: Vec<f64> = totals
+        .iter()
+        .map(|total| total / totals[0].max(1e-9))
+        .collect();
     let rounded: Vec<f64> = rounded.iter().map(|total| (total * 1e9).round()).collect();
     let best = lowest(&rounded);
     let gains: Vec<f64> = (errors[0].iter().zip(&errors[best]))
@@ -440,7 +448,11 @@ fn choose(
         .collect();
     let gain: f64 = gains.iter().sum();
     let count = num_runs as f64;
-    let variance = gains.iter().map(|g| (g - gain / count).powi(2)).sum::<f64>() / (count - 1.0);
+    let variance = gains
+        .iter()
+        .map(|g| (g - gain / count).powi(2))
+        .sum::<f64>()
+        / (count - 1.0);
     if gain > (count * variance).sqrt() {
         choices[best].clone()
     } else {

@@ -116,9 +116,7 @@ mod tests {
 
     #[test]
     fn a_score_that_says_nothing_gives_one_rate() {
-        let mut samples: Vec<(f64, bool)> = (0..1000)
-            .map(|i| (f64::from(i), i < 300))
-            .collect();
+        let mut samples: Vec<(f64, bool)> = (0..1000).map(|i| (f64::from(i), i < 300)).collect();
         let curve = Curve::fit(&mut samples).expect("samples");
         assert_eq!(curve.knots().len(), 1);
         assert!((curve.rate(0.0) - 0.3).abs() < 0.001);

@@ -6,7 +6,7 @@
 //! procedure every other place is matched with them. That gives
 //!
 //! - the *detection curve*: how often a feature of a given score is found at its place ([`Curve`]);
-//! - for every feature, how often it is found where it is not (q_f), drawn to the mean over all features
+//! - for every feature, how often it is found where it is not (`q_f`), drawn to the mean over all features
 //!   by [`FALSE_RATE_PRIOR`] trials;
 //! - how much a matching distance tells: g1 (seen again, counted while the map was learnt,
 //!   [`Reobservation`]) against g0 (found at wrong places);
@@ -29,6 +29,8 @@ mod temper;
 pub use curve::Curve;
 use temper::Asked;
 pub use temper::Temper;
+
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
@@ -55,10 +57,12 @@ const MAX_SINGLE_FOLDS: usize = 16;
 const NUM_RUNS: usize = 8;
 /// Visits asked for of each run.
 const IMAGES_PER_RUN: usize = 3;
-/// Images x places that are matched, at most.
-const MAX_TRIALS: usize = 50_000;
+/// Images x places that are matched, about.
+const MAX_TRIALS: usize = 1000;
+/// An image is matched with at most so many other places, evenly spread over the map.
+const MAX_OTHERS: usize = 256;
 /// Appearances of a place that are matched with one image, at most.
-const MAX_APPEARANCES: usize = 12;
+const MAX_APPEARANCES: usize = 6;
 /// Numbers of features at which the worth of scores is learnt.
 const SIZES: [usize; 7] = [10, 20, 30, 50, 100, 200, 300];
 /// Position in [`SIZES`] of the number of features that rates are learnt with.
@@ -144,7 +148,8 @@ struct Trial {
 struct HeldOutPlace {
     node: usize,
     folds: Vec<BitRow>,
-    plans: Vec<Plan>,
+    /// `None` where no visit of the fold is asked for.
+    plans: Vec<Option<Plan>>,
 }
 
 impl Calibration {
@@ -266,7 +271,7 @@ impl Calibration {
         }
     }
 
-    /// q_f, without the trials `but`.
+    /// `q_f`, without the trials `but`.
     fn false_rate_of(&self, node: NodeId, hypothesis: usize, feature: usize, but: Trials) -> f64 {
         let counts = (self.false_counts.get(node.0 as usize))
             .and_then(|place| place.get(hypothesis))
@@ -314,7 +319,11 @@ impl Calibration {
             if images[trial.image].node == trial.node {
                 continue;
             }
-            for found in trial.records.iter().flat_map(|it| &it.found[RATE_SIZE].inliers) {
+            for found in trial
+                .records
+                .iter()
+                .flat_map(|it| &it.found[RATE_SIZE].inliers)
+            {
                 false_counts[usize::from(found.distance_bits).min(256)] += 1;
             }
         }
@@ -415,8 +424,7 @@ impl Calibration {
                     found: u32::from(!is_own && was_found),
                 };
                 let node = NodeId(trial.node as u32);
-                let false_rate =
-                    self.false_rate_of(node, record.hypothesis, feature as usize, but);
+                let false_rate = self.false_rate_of(node, record.hypothesis, feature as usize, but);
                 let word = record.witnesses.get(rank).copied().unwrap_or(0);
                 expectation.push(self.detection.rate(score), false_rate, word);
             }
@@ -495,16 +503,31 @@ fn spread(count: usize, limit: usize) -> impl Iterator<Item = usize> {
     (0..taken).map(move |i| (2 * i + 1) * count / (2 * taken))
 }
 
-/// Matches past visits with every place of `plans`.
+/// Matches past visits with the places of `plans`.
 fn ask(localizer: &Localizer, plans: &[Plan]) -> Result<(Vec<Image>, Vec<Trial>)> {
-    let (places, images) = held_out(localizer, plans)?;
+    let nodes = &localizer.snapshot.nodes;
+    let mut places: Vec<HeldOutPlace> = spread(nodes.len(), MAX_PLACES)
+        .map(|node| HeldOutPlace::new(&nodes[node], node))
+        .collect();
+    let images = images_of(nodes, &places);
+    places.par_iter_mut().try_for_each(|place| {
+        let is_asked = |fold| (images.iter()).any(|it| it.node == place.node && it.fold == fold);
+        let asked: Vec<bool> = (0..place.folds.len()).map(is_asked).collect();
+        place.fit(localizer, &plans[place.node], &asked)
+    })?;
+    let others: Vec<usize> = spread(nodes.len(), MAX_OTHERS).collect();
     let trials = (images.par_iter().enumerate())
         .map_init(Scratch::default, |scratch, (index, image)| {
             (plans.iter().enumerate())
+                .filter(|(node, _)| image.node == *node || others.binary_search(node).is_ok())
                 .filter_map(|(node, plan)| {
-                    let own = (places.iter())
+                    let own = places
+                        .iter()
                         .find(|place| place.node == image.node && image.node == node);
-                    let plan = own.map_or(plan, |own| &own.plans[image.fold]);
+                    let plan = match own {
+                        Some(own) => own.plans[image.fold].as_ref()?,
+                        None => plan,
+                    };
                     localizer.attempt(scratch, (index, image), node, plan, own)
                 })
                 .collect::<Vec<_>>()
@@ -514,43 +537,29 @@ fn ask(localizer: &Localizer, plans: &[Plan]) -> Result<(Vec<Image>, Vec<Trial>)
     Ok((images, trials))
 }
 
-/// The calibrated places with their models, and the visits that are asked for.
-fn held_out(localizer: &Localizer, plans: &[Plan]) -> Result<(Vec<HeldOutPlace>, Vec<Image>)> {
-    let nodes = &localizer.snapshot.nodes;
-    let places = spread(nodes.len(), MAX_PLACES)
-        .collect::<Vec<_>>()
-        .into_par_iter()
-        .map(|node| HeldOutPlace::new(localizer, &plans[node], node))
-        .collect::<Result<Vec<_>>>()?;
-    let mut images = Vec::new();
-    for place in &places {
-        let node = &nodes[place.node];
+/// The visits that are asked for.
+fn images_of(nodes: &[Arc<Node>], places: &[HeldOutPlace]) -> Vec<Image> {
+    let mut asked = Vec::new();
+    for place in places {
         for (fold, mask) in place.folds.iter().enumerate() {
             let visits: Vec<usize> = mask.ones().collect();
-            for index in spread(visits.len(), IMAGES_PER_RUN) {
-                let visit = visits[index];
-                let features = image_of(node, visit);
-                if !features.is_empty() {
-                    images.push(Image {
-                        node: place.node,
-                        fold,
-                        time: node.visits[visit].time,
-                        features,
-                    });
-                }
-            }
+            let few = spread(visits.len(), IMAGES_PER_RUN);
+            asked.extend(few.map(|index| (place.node, fold, visits[index])));
         }
     }
     let limit = (MAX_TRIALS / nodes.len()).max(MAX_SINGLE_FOLDS);
-    if images.len() > limit {
-        let kept: Vec<usize> = spread(images.len(), limit).collect();
-        let mut index = 0;
-        images.retain(|_| {
-            index += 1;
-            kept.binary_search(&(index - 1)).is_ok()
-        });
-    }
-    Ok((places, images))
+    spread(asked.len(), limit)
+        .map(|index| asked[index])
+        .filter_map(|(node, fold, visit)| {
+            let features = image_of(&nodes[node], visit);
+            (!features.is_empty()).then(|| Image {
+                node,
+                fold,
+                time: nodes[node].visits[visit].time,
+                features,
+            })
+        })
+        .collect()
 }
 
 /// What the camera saw at a past visit, as far as the map remembers.
@@ -567,8 +576,7 @@ fn image_of(node: &Node, visit: usize) -> Features {
 }
 
 impl HeldOutPlace {
-    fn new(localizer: &Localizer, plan: &Plan, node: usize) -> Result<Self> {
-        let place = &localizer.snapshot.nodes[node];
+    fn new(place: &Node, node: usize) -> Self {
         let num_visits = place.log.num_visits();
         let num_folds = match num_visits {
             0 | 1 => 0,
@@ -581,17 +589,28 @@ impl HeldOutPlace {
                 folds[visit * num_folds / num_visits].set(visit);
             }
         }
-        let plans = folds
-            .iter()
-            .map(|fold| {
-                let mut rest = BitRow::zeros(num_visits);
-                (0..num_visits)
-                    .filter(|&visit| !fold.get(visit))
-                    .for_each(|visit| rest.set(visit));
-                plan.without(place, localizer.cfg(), fold, &rest)
-            })
-            .collect::<Result<_>>()?;
-        Ok(Self { node, folds, plans })
+        Self {
+            node,
+            folds,
+            plans: Vec::new(),
+        }
+    }
+
+    /// Fits the place without each fold that is asked for.
+    fn fit(&mut self, localizer: &Localizer, plan: &Plan, asked: &[bool]) -> Result<()> {
+        let place = &localizer.snapshot.nodes[self.node];
+        for (fold, &is_asked) in self.folds.iter().zip(asked) {
+            let mut rest = BitRow::zeros(fold.len());
+            (0..fold.len())
+                .filter(|&visit| !fold.get(visit))
+                .for_each(|visit| rest.set(visit));
+            self.plans.push(if is_asked {
+                Some(plan.without(place, localizer.cfg(), fold, &rest)?)
+            } else {
+                None
+            });
+        }
+        Ok(())
     }
 }
 
@@ -665,7 +684,10 @@ impl Localizer {
                 let features = (ids.iter())
                     .map(|&id| (id, predicted.scores()[id as usize]))
                     .collect();
-                let words = ids.iter().map(|&id| witnesses.seen()[id as usize]).collect();
+                let words = ids
+                    .iter()
+                    .map(|&id| witnesses.seen()[id as usize])
+                    .collect();
                 scratch.ranked.gather(&place.features, &ids);
                 let ranked = std::mem::take(&mut scratch.ranked);
                 records.push(Record {

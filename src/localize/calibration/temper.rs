@@ -93,7 +93,9 @@ impl Temper {
     /// Each of the two questions an image asks: the scores, and which of them is right (`None` for
     /// elsewhere).
     fn questions(asked: &Asked) -> impl Iterator<Item = (impl Iterator<Item = f64> + Clone, bool)> {
-        let with_own = asked.own.map(|own| (asked.others.iter().copied().chain(Some(own)), true));
+        let with_own = asked
+            .own
+            .map(|own| (asked.others.iter().copied().chain(Some(own)), true));
         let without = (asked.others.iter().copied().chain(None), false);
         with_own.into_iter().chain(Some(without))
     }
@@ -219,7 +221,12 @@ mod tests {
         let elsewhere = good.posterior_into(&[1.0, 0.0, -1.0], 0.5, &mut posterior);
         assert!(elsewhere > 0.9, "{good:?}");
         let blind: Vec<Asked> = (0..50)
-            .map(|i| asked(f64::from(i % 4), &[f64::from((i + 1) % 4), f64::from((i + 2) % 4)]))
+            .map(|i| {
+                asked(
+                    f64::from(i % 4),
+                    &[f64::from((i + 1) % 4), f64::from((i + 2) % 4)],
+                )
+            })
             .collect();
         assert!(Temper::fit(&blind, PRIOR).scale < 0.2);
     }

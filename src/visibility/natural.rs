@@ -288,9 +288,9 @@ impl Natural {
             return Ok(model);
         }
         let columns = columns(&rhythms);
-        let seen = seen_sums(evidence, &design, &vec![0; num_visits], 1, &changing);
-        let whole = vec![0; num_visits];
-        let mut cohorts = Cohorts::new(evidence, &design, &whole, 1);
+        let one_run = vec![0; num_visits];
+        let seen = seen_sums(evidence, &design, &one_run, 1, &changing);
+        let mut cohorts = Cohorts::new(evidence, &design, &one_run, 1);
         let mut factor = None;
         for (i, &feature) in changing.iter().enumerate() {
             if let Some(grams) = cohorts.next(feature, i == 0) {
@@ -432,8 +432,8 @@ fn choose(
     }
     let totals: Vec<f64> = errors.iter().map(|runs| runs.iter().sum()).collect();
     // The first of equals has fewest rhythms; sums of one value must not choose by their last bits.
-    let rounded: Vec<f64> = totals.iter().map(|total| total / totals[0].max(1e-9)).collect();
-    let rounded: Vec<f64> = rounded.iter().map(|total| (total * 1e9).round()).collect();
+    let scale = 1e9 / totals[0].max(1e-9);
+    let rounded: Vec<f64> = totals.iter().map(|total| (total * scale).round()).collect();
     let best = lowest(&rounded);
     let gains: Vec<f64> = (errors[0].iter().zip(&errors[best]))
         .map(|(mean, best)| mean - best)

@@ -249,7 +249,7 @@ fn over_order(results: &SeriesResults) -> String {
     let mut html = String::new();
     let plots = [
         ("Wrong states", (|row| row.state_error) as fn(&Row) -> Measured),
-        ("Brier score x 100", |row| row.brier),
+        ("Brier score in %", |row| row.brier),
     ];
     for (metric, (name, value)) in plots.into_iter().enumerate() {
         for sampling in Sampling::ALL {
@@ -262,8 +262,8 @@ fn over_order(results: &SeriesResults) -> String {
     }
     format!(
         "<h2>How many rhythms?</h2><p class=\"hint\">Error on unseen time over the order of the papers\u{2019} \
-         models; the mean and models that choose for themselves are level lines. Shades are 95 % \
-         intervals.</p><div class=\"grid\">{html}</div>"
+         models; the mean and models that choose for themselves are level lines. The shade is \
+         the 95 % interval of the recommended model; the table has all.</p><div class=\"grid\">{html}</div>"
     )
 }
 
@@ -295,8 +295,9 @@ fn order_plot(
             // The axis is logarithmic: powers of ten are evenly spaced.
             x: 10_f64.powi(*order as i32),
             y: 100.0 * measured.value,
-            low: 100.0 * measured.low,
-            high: 100.0 * measured.high,
+            // One shade is enough: many would hide each other. The table has all intervals.
+            low: 100.0 * if row.is_default { measured.low } else { measured.value },
+            high: 100.0 * if row.is_default { measured.high } else { measured.value },
             label: format!("order {}: {:.1} %", row.order, 100.0 * measured.value),
         }
     };

@@ -316,7 +316,7 @@ fn judge(suite: &Suite, material: &Material, share: f64) -> Result<SeriesResults
     let scores: Vec<Vec<Score>> = (tasks.par_iter())
         .map(|&(sampling, series, draw)| {
             let learnt = sampling.draw(&series.learn, share, draw);
-            let scores = forecasts(&learnt)?;
+            let scores = forecasts(&learnt, |_| true)?;
             let scores = scores.iter().map(|f| Score::of(f, &learnt, series, block));
             let scores = scores.collect();
             bar.inc(1);
@@ -443,12 +443,12 @@ fn in_words(results: &SeriesResults) -> Vec<String> {
         let (ours, literal) = (results.default_row(sampling)?, results.best_literal(sampling)?);
         let mean = results.row(sampling, BASELINE, Order::Fixed(0))?;
         let difference = ours.brier_against_mean;
+        let change = 100.0 * (ours.brier.value / literal.brier.value - 1.0);
         Some(format!(
-            "Samples {}: Brier score {:.3} of {DEFAULT}, {:.0} % below literal FreMEn at its best order \
-             ({} {}, {:.3}); mean {:.3}, difference {:+.3} [{:+.3}, {:+.3}]",
+            "Samples {}: Brier score {:.3} of {DEFAULT}, {change:+.0} % against literal FreMEn at its best \
+             order ({} {}, {:.3}); mean {:.3}, difference {:+.3} [{:+.3}, {:+.3}]",
             sampling.name(),
             ours.brier.value,
-            100.0 * (1.0 - ours.brier.value / literal.brier.value),
             literal.model,
             literal.order,
             literal.brier.value,
@@ -483,7 +483,8 @@ fn drawings(material: &Material, share: f64) -> Result<Vec<Drawing>> {
             (Sampling::OfficeHours, "office hours alone"),
         ] {
             let learnt = sampling.draw(&series.learn, share, 0);
-            let forecasts = forecasts(&learnt)?;
+            let is_drawn = |model: &str| DRAWN.iter().any(|(drawn, _)| *drawn == model);
+            let forecasts = forecasts(&learnt, is_drawn)?;
             let Some(part) = series.parts.last() else { continue };
             let (Some(first), Some(last)) = (part.states.first(), part.states.last()) else {
                 continue;
@@ -540,15 +541,16 @@ pub fn table(results: &SeriesResults) -> String {
         let Some(first) = rows.first() else { continue };
         let _ = writeln!(
             text,
-            "\nLearnt from {} samples ({:.0} of them)\n{:<24}{:>6}{:>8} {:>15} {:>18} {:>8}  {}",
+            "\nLearnt from {} samples ({:.0} of them)\n{:<24}{:>6}{:>8}{:>6} {:>15} {:>17} {:>6}  {}",
             sampling.name(),
             first.num_learnt,
             "model",
             "order",
             "wrong %",
             "Brier",
+            "interval",
             "against the mean",
-            "log loss",
+            "log l.",
             "parts, wrong %"
         );
         for row in rows {

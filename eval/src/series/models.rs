@@ -29,6 +29,13 @@ pub const BASELINE: &str = "mean";
 /// FreMEn as the two papers print it.
 pub const LITERAL: [&str; 2] = ["fremen-alpha-only", "fremen-running-mean"];
 
+const FFT: &str = "fft";
+
+const LOGISTIC: &str = "logistic-week-day";
+
+/// Logistic regression walks through its samples dozens of times, so it gets evenly spaced ones of many.
+const MAX_LOGISTIC: usize = 20_000;
+
 /// p(t) of one model.
 pub struct Forecast {
     /// Its name in tables.
@@ -60,7 +67,7 @@ const FITTED: [(&str, &str); 8] = [
     (BASELINE, "kind = 'mean'"),
     (DEFAULT, "kind = 'natural'"),
     (
-        "logistic-week-day",
+        LOGISTIC,
         "kind = 'logistic', candidates = { base-s = 604800.0, count = 28 }, harmonics = [1, 2, 7, 14]",
     ),
     ("histogram-day", "kind = 'histogram', period-s = 86400.0, num-bins = 24"),
@@ -75,11 +82,14 @@ pub fn candidates() -> chronotope::Result<CandidatePeriods> {
     CandidatePeriods::harmonic(Period::WEEK, NUM_CANDIDATES)
 }
 
-/// All forecasts learnt from `states`.
-pub fn forecasts(states: &[State]) -> Result<Vec<Forecast>> {
+/// The forecasts whose names are `wanted`, learnt from `states`.
+pub fn forecasts(states: &[State], wanted: impl Fn(&str) -> bool) -> Result<Vec<Forecast>> {
     let mut forecasts = Vec::new();
-    let log = log(states)?;
-    for (model, text) in FITTED {
+    let all = log(states.iter())?;
+    let step = states.len().div_ceil(MAX_LOGISTIC).max(1);
+    let few = log(states.iter().step_by(step))?;
+    for (model, text) in FITTED.into_iter().filter(|(model, _)| wanted(model)) {
+        let log = if model == LOGISTIC { &few } else { &all };
         let cfg = VisibilityConfig::from_toml(&format!("model = {{ {text} }}"))?;
         forecasts.push(Forecast {
             model,
@@ -87,7 +97,7 @@ pub fn forecasts(states: &[State]) -> Result<Vec<Forecast>> {
                 BASELINE => Order::Fixed(0),
                 _ => Order::Auto,
             },
-            predictor: Predictor::Fitted(fit(&log, &cfg, Visits::All)?),
+            predictor: Predictor::Fitted(fit(log, &cfg, Visits::All)?),
         });
     }
     let [alpha_only, running_mean] = LITERAL;
@@ -96,6 +106,9 @@ pub fn forecasts(states: &[State]) -> Result<Vec<Forecast>> {
         (alpha_only, Balance::AlphaOnly),
         (running_mean, Balance::RunningMean),
     ] {
+        if !wanted(model) {
+            continue;
+        }
         let mut fremen = LiteralFremen::new(candidates()?, balance);
         for &(time, state) in states {
             fremen.add(time, state);
@@ -106,12 +119,14 @@ pub fn forecasts(states: &[State]) -> Result<Vec<Forecast>> {
             predictor: Predictor::Rhythms(fremen.rhythms(order)),
         }));
     }
-    if let Some((step, samples)) = uniform(states) {
+    if wanted(FFT)
+        && let Some((step, samples)) = uniform(states)
+    {
         for order in 0..=MAX_ORDER {
             let spectrum =
                 UniformSpectrum::build_with_missing(states[0].0, step, &samples, order)?;
             forecasts.push(Forecast {
-                model: "fft",
+                model: FFT,
                 order: Order::Fixed(order as u32),
                 predictor: Predictor::Uniform(spectrum),
             });
@@ -121,10 +136,10 @@ pub fn forecasts(states: &[State]) -> Result<Vec<Forecast>> {
 }
 
 /// A log of one feature.
-fn log(states: &[State]) -> Result<HistoryLog> {
+fn log<'a>(states: impl ExactSizeIterator<Item = &'a State>) -> Result<HistoryLog> {
     let mut log = HistoryLog::new();
     // A series may be empty after thinning; its model then knows of one feature and nothing of it.
-    if states.is_empty() {
+    if states.len() == 0 {
         let mut hidden = BitRow::zeros(1);
         hidden.set(0);
         log.push_visit(Time::default(), BitRow::zeros(1), Some(hidden))?;

@@ -108,8 +108,10 @@ impl Series {
 fn named(header: &csv::StringRecord, columns: Columns<'_>) -> Result<(usize, usize)> {
     let find = |name: Option<&str>, or: usize| match name {
         None if or < header.len() => Ok(or),
-        None => Err(format(format!("a row has {} columns, not two", header.len()))
-            .with_help("write a time and a state on every line, with a comma between")),
+        None => Err(
+            format(format!("a row has {} columns, not two", header.len()))
+                .with_help("write a time and a state on every line, with a comma between"),
+        ),
         Some(name) => (header.iter().position(|cell| cell == name)).ok_or_else(|| {
             let known: Vec<&str> = header.iter().collect();
             format(format!("there is no column `{name}`"))
@@ -149,7 +151,10 @@ mod tests {
 
     #[test]
     fn times_in_both_forms_with_and_without_header() {
-        let expected = [(Time::from_s(60), true), (Time::from_us(120_500_000), false)];
+        let expected = [
+            (Time::from_s(60), true),
+            (Time::from_us(120_500_000), false),
+        ];
         for text in [
             "60,1\n120.5,0\n",
             "time,open\n120.5,false\n60,true\n",
@@ -167,7 +172,10 @@ mod tests {
             state: Some("ok"),
         };
         let series = Series::parse(b"ok,x,t\n1,7,10\n,7,20\n0,7,5\n", columns).expect("valid");
-        assert_eq!(series.states, [(Time::from_s(5), false), (Time::from_s(10), true)]);
+        assert_eq!(
+            series.states,
+            [(Time::from_s(5), false), (Time::from_s(10), true)]
+        );
         assert_eq!(series.num_missing, 1);
         let unknown = Columns {
             state: Some("door"),

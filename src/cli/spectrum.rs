@@ -143,7 +143,11 @@ fn judge(
             is_chosen: false,
         }
     };
-    let natural = fit(&Series::log(earlier)?, &VisibilityConfig::natural(), Visits::All)?;
+    let natural = fit(
+        &Series::log(earlier)?,
+        &VisibilityConfig::natural(),
+        Visits::All,
+    )?;
     let mut rows = vec![judged("natural", natural.order(), &|time| {
         natural.predict_one(0, time)
     })];
@@ -171,13 +175,19 @@ fn learn(
     order: usize,
     times: &[Time],
 ) -> crate::Result<Vec<Learnt>> {
-    let natural = fit(&Series::log(states)?, &VisibilityConfig::natural(), Visits::All)?;
+    let natural = fit(
+        &Series::log(states)?,
+        &VisibilityConfig::natural(),
+        Visits::All,
+    )?;
     let rhythms = sums(states, candidates)?.rhythms(order);
     let seen = states.iter().filter(|state| state.1).count();
     Ok(vec![
         Learnt {
             model: "natural",
-            mean: natural.level(0).unwrap_or(seen as f64 / states.len() as f64),
+            mean: natural
+                .level(0)
+                .unwrap_or(seen as f64 / states.len() as f64),
             components: natural.components(0),
             predicted: times.iter().map(|&t| natural.predict_one(0, t)).collect(),
         },
@@ -283,7 +293,10 @@ fn show(
         out.line("* natural chooses by itself; of fremen the order with the lowest Brier score")?;
     }
     for model in learnt {
-        out.line(format_args!("\n{}, learnt from all: mean {:.3}", model.model, model.mean))?;
+        out.line(format_args!(
+            "\n{}, learnt from all: mean {:.3}",
+            model.model, model.mean
+        ))?;
         if model.components.is_empty() {
             out.line("  no rhythm")?;
         } else {

@@ -58,7 +58,7 @@ pub use literal::{Balance, LiteralFremen};
 pub use outliers::OutlierSet;
 pub use rhythms::{Component, Rhythms};
 pub use select::{NEGLIGIBLE_AMPLITUDE, strongest};
-pub(crate) use sums::{from_fixed, to_fixed, too_many};
 pub use sums::{MAX_OBSERVATIONS, P_UNKNOWN, PhasorTable, SpectralSums};
+pub(crate) use sums::{from_fixed, to_fixed, too_many};
 pub use uniform::{Encoding, UniformSpectrum};
 pub use visits::VisitSums;

@@ -63,7 +63,9 @@ impl VisitSums {
     pub fn merge(&mut self, other: &Self) -> Result<()> {
         let mut merged = self.clone();
         // Other candidates are refused also where there is nothing to add.
-        merged.sums.merge(&SpectralSums::new(other.sums.candidates().clone()))?;
+        merged
+            .sums
+            .merge(&SpectralSums::new(other.sums.candidates().clone()))?;
         for (&visit, &(time, state)) in &other.observations {
             merged.add(visit, time, state)?;
         }
@@ -74,7 +76,11 @@ impl VisitSums {
     /// Forgets every observation before `horizon`, as if it had never been, and tells how many there were.
     pub fn forget_before(&mut self, horizon: Time) -> Result<usize> {
         let mut old = SpectralSums::new(self.sums.candidates().clone());
-        for (time, state) in self.observations.values().filter(|(time, _)| *time < horizon) {
+        for (time, state) in self
+            .observations
+            .values()
+            .filter(|(time, _)| *time < horizon)
+        {
             old.add(*time, *state)?;
         }
         self.sums.subtract(&old)?;

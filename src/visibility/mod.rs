@@ -44,7 +44,7 @@
 //!
 //! A door, ten weeks of minutes, learnt from 2 % of the office hours alone, five draws, and asked about a whole
 //! later week (`chronotope-eval run door2016`, Brier score): the mean 0.18, FreMEn as the papers print it 0.19
-//! at its best order and 0.20 to 0.26 at others, natural 0.10. FreMEn measures one rhythm at a time, so that
+//! to 0.26 at orders 1 to 5, natural 0.10. FreMEn measures one rhythm at a time, so that
 //! in such samples every rhythm borrows from every other; natural solves for all together. Where samples
 //! are spread evenly, all of them agree.
 //!

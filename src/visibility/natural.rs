@@ -52,9 +52,9 @@ const NUM_HARMONICS: [usize; 3] = [1, 2, 4];
 const SIZE: usize = 1 + 2 * 7;
 /// Products of two columns, the lower triangle.
 const NUM_PRODUCTS: usize = SIZE * (SIZE + 1) / 2;
-/// A cycle must fit so often into the span of the visits. One is enough to be looked at, since a year of
-/// visits is what outdoor maps begin with.
-const MIN_CYCLES: f64 = 0.9;
+/// How often each cycle must fit into the span of the visits. One year is enough to be looked at, since that is
+/// what outdoor maps begin with.
+const MIN_CYCLES: [f64; 3] = [0.9, 1.5, 1.5];
 /// Features that choose the rhythms.
 const MAX_VOTERS: usize = 256;
 /// Fewer visits than this, or days, give the mean.
@@ -142,8 +142,8 @@ struct Days {
     /// For each visit, by its index: the run that its day is in.
     run_of: Vec<usize>,
     num_runs: usize,
-    /// The indices of the visits, day by day.
-    days: Vec<Vec<usize>>,
+    /// The indices of each day's visits.
+    visits: Vec<Vec<usize>>,
 }
 
 impl Days {
@@ -167,7 +167,7 @@ impl Days {
         Self {
             run_of,
             num_runs,
-            days,
+            visits: days,
         }
     }
 }
@@ -210,7 +210,8 @@ impl<'a> Cohorts<'a> {
         let from = self.evidence.first_visit(feature);
         let is_same = from == self.from && !is_first && !self.any_hidden;
         for index in self.from..from {
-            self.design.add(index, -1, &mut self.grams[self.run_of[index]]);
+            self.design
+                .add(index, -1, &mut self.grams[self.run_of[index]]);
         }
         self.from = from;
         if is_same {
@@ -274,7 +275,7 @@ impl Natural {
         let days = Days::new(evidence);
         let changes = |&f: &usize| counts.seen[f] > 0 && counts.seen[f] < counts.observed[f];
         let changing: Vec<usize> = (0..evidence.num_features()).filter(changes).collect();
-        if num_visits < MIN_VISITS || days.days.len() < MIN_DAYS || changing.is_empty() {
+        if num_visits < MIN_VISITS || days.visits.len() < MIN_DAYS || changing.is_empty() {
             return Ok(Fremen::of_means(candidates, 0, means));
         }
         let step = changing.len().div_ceil(MAX_VOTERS);
@@ -312,8 +313,12 @@ impl Natural {
     fn allowed(&self, evidence: &Evidence<'_>, candidates: &CandidatePeriods) -> Vec<bool> {
         let first = evidence.times().min().unwrap_or_default();
         let last = evidence.times().max().unwrap_or_default();
-        let fits = |k| MIN_CYCLES * candidates.period_s(k) <= last.since_s(first);
-        let mut allowed: Vec<bool> = (0..candidates.len()).map(fits).collect();
+        let span_s = last.since_s(first);
+        let cycles = MIN_CYCLES.into_iter().zip(NUM_HARMONICS);
+        let min_cycles = cycles.flat_map(|(min, count)| std::iter::repeat_n(min, count));
+        let mut allowed: Vec<bool> = (min_cycles.enumerate())
+            .map(|(k, min)| min * candidates.period_s(k) <= span_s)
+            .collect();
         if let Some(guards) = self.guards {
             let supported = supported(evidence, candidates, guards);
             for (allowed, supported) in allowed.iter_mut().zip(supported) {
@@ -330,7 +335,7 @@ fn dispersion(evidence: &Evidence<'_>, days: &Days, voters: &[usize], means: &[f
     let mut of_days = vec![0.0; voters.len()];
     let mut of_visits = vec![0.0; voters.len()];
     let mut num_days = vec![0.0; voters.len()];
-    for day in &days.days {
+    for day in &days.visits {
         let mut counts = vec![(0.0, 0.0); voters.len()];
         for &index in day {
             let visit = evidence.visits[index];
@@ -406,7 +411,9 @@ fn choose(
             let of_run = |run: &Gram| -> Vec<_> {
                 let learnt = std::array::from_fn(|at| all[at] - run[at]);
                 let of_choice = all_columns.iter();
-                of_choice.map(|columns| equations(&learnt, columns, ridge)).collect()
+                of_choice
+                    .map(|columns| equations(&learnt, columns, ridge))
+                    .collect()
             };
             factors = next.iter().map(of_run).collect::<Vec<_>>();
             grams = next;
@@ -421,7 +428,9 @@ fn choose(
         for run in 0..num_runs {
             for (choice, columns) in all_columns.iter().enumerate() {
                 // Without observations in the other runs nothing is foretold, by no choice.
-                let Some(factor) = &factors[run][choice] else { continue };
+                let Some(factor) = &factors[run][choice] else {
+                    continue;
+                };
                 let mut b: Vec<f64> = (columns.iter())
                     .map(|&c| from_fixed(all[c] - seen[run][c]))
                     .collect();
@@ -440,7 +449,11 @@ fn choose(
         .collect();
     let gain: f64 = gains.iter().sum();
     let count = num_runs as f64;
-    let variance = gains.iter().map(|g| (g - gain / count).powi(2)).sum::<f64>() / (count - 1.0);
+    let variance = gains
+        .iter()
+        .map(|g| (g - gain / count).powi(2))
+        .sum::<f64>()
+        / (count - 1.0);
     if gain > (count * variance).sqrt() {
         choices[best].clone()
     } else {

@@ -57,8 +57,14 @@ fn a_daily_rhythm_is_found_with_its_peak_and_foretold() {
         let peak = strongest["first_peak"].as_str().expect("a time");
         // Samples stand for the hour after them, so the middle of the open ones is half past eleven.
         assert!(peak.starts_with("2024-05-01T11:"), "{model}");
-        assert!(model["predicted"][0]["p"].as_f64().expect("a number") > 0.9, "{model}");
-        assert!(model["predicted"][1]["p"].as_f64().expect("a number") < 0.1, "{model}");
+        assert!(
+            model["predicted"][0]["p"].as_f64().expect("a number") > 0.9,
+            "{model}"
+        );
+        assert!(
+            model["predicted"][1]["p"].as_f64().expect("a number") < 0.1,
+            "{model}"
+        );
     }
     let held_out = found["held_out"].as_array().expect("a list");
     let mean = (held_out.iter()).find(|row| row["model"] == "fremen" && row["order"] == 0);
@@ -74,7 +80,10 @@ fn a_daily_rhythm_is_found_with_its_peak_and_foretold() {
 fn seconds_and_a_table_for_people_say_the_same() {
     let seconds = door(28, |time| time.as_us().div_euclid(1_000_000).to_string());
     let shown = stdout(&spectrum(&seconds, &[]));
-    assert_eq!(shown, stdout(&spectrum(&door(28, |time| time.to_string()), &[])));
+    assert_eq!(
+        shown,
+        stdout(&spectrum(&door(28, |time| time.to_string()), &[]))
+    );
     for words in [
         "672 samples over",
         "1 in 50.0 % of them",
@@ -91,17 +100,28 @@ fn seconds_and_a_table_for_people_say_the_same() {
 fn few_samples_and_unchanging_ones_have_an_answer() {
     for text in ["5,1\n", "5,1\n5,0\n5,1\n", &"7,1\n".repeat(40)] {
         let shown = stdout(&spectrum(text, &["--predict-at", "9e9"]));
-        assert!(shown.contains("no rhythm") && !shown.contains("NaN"), "{shown}");
+        assert!(
+            shown.contains("no rhythm") && !shown.contains("NaN"),
+            "{shown}"
+        );
     }
 }
 
 #[test]
 fn what_is_no_series_fails_with_file_and_line() {
     for (text, args, words) in [
-        ("5,1\n6,open\n", &[][..], ["door.csv: line 2", "`open` is no state"]),
+        (
+            "5,1\n6,open\n",
+            &[][..],
+            ["door.csv: line 2", "`open` is no state"],
+        ),
         ("5,1\ninf,1\n", &[], ["line 2", "is no time"]),
         ("", &[], ["door.csv", "no rows"]),
-        ("t,a\n5,1\n", &["--state-column", "b"], ["no column `b`", "t, a"]),
+        (
+            "t,a\n5,1\n",
+            &["--state-column", "b"],
+            ["no column `b`", "t, a"],
+        ),
         ("5,1\n", &["--base-s", "-3"], ["period", "-3"]),
         ("5,1\n", &["--count", "0"], ["candidate periods", "not 0"]),
         ("5,1\n", &["--held-out", "2"], ["--held-out", "0.9"]),

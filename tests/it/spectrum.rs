@@ -242,10 +242,16 @@ fn a_visit_with_two_meanings_is_refused_and_nothing_changes() {
     other.add(3, Time::from_s(1), true).expect("new");
     other.add(7, Time::from_s(1), false).expect("new");
     let before = sums.clone();
-    assert_eq!(sums.merge(&other).expect_err("two states").kind(), ErrorKind::Shape);
+    assert_eq!(
+        sums.merge(&other).expect_err("two states").kind(),
+        ErrorKind::Shape
+    );
     assert_eq!(sums, before);
     let week = VisitSums::new(harmonic(Period::WEEK, 3));
-    assert_eq!(sums.merge(&week).expect_err("other rhythms").kind(), ErrorKind::Config);
+    assert_eq!(
+        sums.merge(&week).expect_err("other rhythms").kind(),
+        ErrorKind::Config
+    );
 }
 
 /// The direct sum with phases in whole microseconds.
@@ -253,11 +259,15 @@ fn a_visit_with_two_meanings_is_refused_and_nothing_changes() {
 fn sums_stay_exact_beyond_2_to_the_31_seconds() {
     for epoch_s in [0, 1 << 31, 1 << 32, (1_i64 << 42) - 5, -(1_i64 << 33)] {
         let (base, count, num) = (Period::YEAR, 100, 500);
-        let times: Vec<i64> =
-            (0..num).map(|i| epoch_s * SECOND + i * i * 7_919_000_003).collect();
+        let times: Vec<i64> = (0..num)
+            .map(|i| epoch_s * SECOND + i * i * 7_919_000_003)
+            .collect();
         let observations: Vec<_> = times.iter().map(|&us| (us, us % 3 == 0)).collect();
         let mean = observations.iter().filter(|o| o.1).count() as f64 / num as f64;
-        for component in sums_of(&harmonic(base, count), &observations).rhythms(count).components() {
+        for component in sums_of(&harmonic(base, count), &observations)
+            .rhythms(count)
+            .components()
+        {
             let k = (base.as_s() / component.period_s).round() as i128;
             let (mut re, mut im) = (0.0, 0.0);
             for &(us, state) in &observations {
@@ -267,7 +277,10 @@ fn sums_stay_exact_beyond_2_to_the_31_seconds() {
                 im += (f64::from(u8::from(state)) - mean) * sin;
             }
             let difference = component.amplitude * num as f64 / 2.0 - re.hypot(im);
-            assert!(difference.abs() <= 1e-12 * num as f64, "{epoch_s} s, {k}: {difference}");
+            assert!(
+                difference.abs() <= 1e-12 * num as f64,
+                "{epoch_s} s, {k}: {difference}"
+            );
         }
     }
 }

@@ -486,7 +486,10 @@ fn visits(num: i64, every_h: i64, is_seen: impl Fn(u64, i64) -> bool) -> Vec<Row
     (0..num)
         .map(|i| {
             let hour = i * every_h;
-            (hour * HOUR_US, (0..20).map(|f| u8::from(is_seen(f, hour))).collect())
+            (
+                hour * HOUR_US,
+                (0..20).map(|f| u8::from(is_seen(f, hour))).collect(),
+            )
         })
         .collect()
 }
@@ -513,11 +516,18 @@ fn natural_rhythms_are_found_where_days_confirm_them_and_refused_where_not() {
     for shared in [false, true] {
         let toss = |f, hour| coin(if shared { 0 } else { f }, hour).is_multiple_of(2);
         let log = log_of(&visits(200, 5, toss));
-        assert_eq!(fitted(&log, &natural, Visits::All).order(), 0, "shared: {shared}");
+        assert_eq!(
+            fitted(&log, &natural, Visits::All).order(),
+            0,
+            "shared: {shared}"
+        );
     }
     // A state that keeps for days is no rhythm.
     let slow = |_, hour: i64| coin(0, hour / 60).is_multiple_of(2);
-    assert_eq!(fitted(&log_of(&visits(300, 2, slow)), &natural, Visits::All).order(), 0);
+    assert_eq!(
+        fitted(&log_of(&visits(300, 2, slow)), &natural, Visits::All).order(),
+        0
+    );
     // Two days are too few to leave one out, seven visits too few for anything.
     for (num, every_h) in [(24, 2), (7, 24)] {
         let log = log_of(&visits(num, every_h, |_, hour| hour % 24 < 12));
@@ -531,7 +541,7 @@ fn natural_rhythms_stay_calm_at_hours_that_were_never_seen() {
     let rows: Vec<Row> = (0..5 * 60)
         .map(|i| {
             let (day, tenth) = (i / 60, i % 60);
-            let from_noon = (tenth - 30_i64).abs() as u64;
+            let from_noon = (tenth - 30_i64).unsigned_abs();
             let seen = coin(day as u64, tenth / 6) % 40 > from_noon;
             let us = (day * 24 + 8) * HOUR_US + tenth * HOUR_US / 6;
             (us, vec![u8::from(seen)])
@@ -542,13 +552,18 @@ fn natural_rhythms_stay_calm_at_hours_that_were_never_seen() {
     let model = fitted(&log, &VisibilityConfig::natural(), Visits::All);
     for hour in 0..24 {
         let p = model.predict_one(0, Time::from_us((7 * 24 + hour) * HOUR_US));
-        assert!(p > 0.0 && p < 1.0 && p < mean + 0.35, "{p} at {hour} h, mean {mean}");
+        assert!(
+            p > 0.0 && p < 1.0 && p < mean + 0.35,
+            "{p} at {hour} h, mean {mean}"
+        );
     }
 }
 
 #[test]
 fn one_thread_and_many_learn_the_same_bits() {
-    let rows = visits(120, 7, |f, hour| (hour + f as i64) % 24 < 11 || coin(f, hour) % 7 == 0);
+    let rows = visits(120, 7, |f, hour| {
+        (hour + f as i64) % 24 < 11 || coin(f, hour).is_multiple_of(7)
+    });
     let log = log_of(&rows);
     let candidates = CandidatePeriods::harmonic(Period::WEEK, 60).expect("valid");
     let configs = [

@@ -8,9 +8,9 @@ use std::path::Path;
 
 use chronotope::Result;
 
+use super::document;
 use super::html::{Esc, put};
 use super::plot::{ErrorPlot, Point, Series, path};
-use super::document;
 use crate::results::{Order, write_atomically};
 use crate::series::sampling::Sampling;
 use crate::series::{Drawing, Line, Measured, Row, SeriesResults, Spectrum, facts, is_in_table};
@@ -60,7 +60,7 @@ fn head(results: &SeriesResults) -> String {
         Esc(&results.title)
     );
     let hardest = Sampling::OfficeHours;
-    if let (Some(ours), Some(literal)) = (results.default_row(hardest), results.best_literal(hardest)) {
+    if let (Some(ours), Some(literal)) = (results.default_row(hardest), results.literal(hardest)) {
         let better = 100.0 * (1.0 - ours.brier.value / literal.brier.value);
         let (class, words) = if better >= 0.0 {
             ("better", format!("{better:.0} % lower"))
@@ -71,16 +71,19 @@ fn head(results: &SeriesResults) -> String {
             html,
             "<p class=\"verdict\">Learnt from office hours alone (Monday to Friday, 8 to 18 h), model \
              <em>{}</em> foretells every hour with a Brier score of <strong>{:.3}</strong>, <strong \
-             class=\"{class}\">{words}</strong> than FreMEn as printed in the papers at its best order \
-             ({:.3}).</p>",
+             class=\"{class}\">{words}</strong> than FreMEn as printed in the papers ({}, order chosen on \
+             held-out samples: {:.3}).</p>",
             Esc(&ours.model),
             ours.brier.value,
+            Esc(&literal.model),
             literal.brier.value
         );
     }
     html.push_str("<div class=\"tiles\">");
     for sampling in Sampling::ALL {
-        let Some(row) = results.default_row(sampling) else { continue };
+        let Some(row) = results.default_row(sampling) else {
+            continue;
+        };
         let against = row.brier_against_mean;
         put!(
             html,
@@ -217,7 +220,11 @@ fn curve(html: &mut String, drawing: &Drawing) {
 }
 
 fn names(drawing: &Drawing) -> String {
-    let names: Vec<&str> = drawing.curves.iter().map(|(name, _)| name.as_str()).collect();
+    let names: Vec<&str> = drawing
+        .curves
+        .iter()
+        .map(|(name, _)| name.as_str())
+        .collect();
     names.join(", ")
 }
 
@@ -226,7 +233,11 @@ fn day_ticks(first: f64, last: f64) -> Vec<(f64, String)> {
     const DAY: f64 = 86_400.0;
     // The epoch was a Thursday.
     const NAMES: [&str; 7] = ["Thu", "Fri", "Sat", "Sun", "Mon", "Tue", "Wed"];
-    let step = if last - first > 2.5 * DAY { DAY } else { DAY / 4.0 };
+    let step = if last - first > 2.5 * DAY {
+        DAY
+    } else {
+        DAY / 4.0
+    };
     let mut ticks = Vec::new();
     let mut time = (first / step).ceil() * step;
     while time <= last {
@@ -248,7 +259,10 @@ fn day_ticks(first: f64, last: f64) -> Vec<(f64, String)> {
 fn over_order(results: &SeriesResults) -> String {
     let mut html = String::new();
     let plots = [
-        ("Wrong states", (|row| row.state_error) as fn(&Row) -> Measured),
+        (
+            "Wrong states",
+            (|row| row.state_error) as fn(&Row) -> Measured,
+        ),
         ("Brier score in %", |row| row.brier),
     ];
     for (metric, (name, value)) in plots.into_iter().enumerate() {
@@ -296,8 +310,18 @@ fn order_plot(
             x: 10_f64.powi(*order as i32),
             y: 100.0 * measured.value,
             // One shade is enough: many would hide each other. The table has all intervals.
-            low: 100.0 * if row.is_default { measured.low } else { measured.value },
-            high: 100.0 * if row.is_default { measured.high } else { measured.value },
+            low: 100.0
+                * if row.is_default {
+                    measured.low
+                } else {
+                    measured.value
+                },
+            high: 100.0
+                * if row.is_default {
+                    measured.high
+                } else {
+                    measured.value
+                },
             label: format!("order {}: {:.1} %", row.order, 100.0 * measured.value),
         }
     };
@@ -322,7 +346,9 @@ fn order_plot(
         title,
         description: format!("{title}, over the order of the model"),
         x_label: "order: rhythms that the model has",
-        x_ticks: (0..=last).map(|order| (10_f64.powi(order as i32), order.to_string())).collect(),
+        x_ticks: (0..=last)
+            .map(|order| (10_f64.powi(order as i32), order.to_string()))
+            .collect(),
         series: &series,
         is_lead: false,
         key_title: "lowest".into(),
@@ -363,7 +389,11 @@ fn one_spectrum(html: &mut String, spectrum: &Spectrum) {
             + (longest - period_s.ln()) / (longest - shortest).max(1e-9)
                 * (WIDTH - LEFT - RIGHT - 16.0)
     };
-    let highest = spectrum.lines.iter().map(|line| line.amplitude).fold(0.05, f64::max);
+    let highest = spectrum
+        .lines
+        .iter()
+        .map(|line| line.amplitude)
+        .fold(0.05, f64::max);
     let strongest = (spectrum.lines.iter())
         .max_by(|a, b| a.amplitude.total_cmp(&b.amplitude))
         .map_or(0.0, |line| line.period_s / HOUR);
@@ -466,7 +496,11 @@ fn summary(results: &SeriesResults) -> String {
 }
 
 fn summary_row(html: &mut String, row: &Row) {
-    let class = if row.is_default { " class=\"default\"" } else { "" };
+    let class = if row.is_default {
+        " class=\"default\""
+    } else {
+        ""
+    };
     let against = row.brier_against_mean;
     let judged = if row.is_worse_than_mean() {
         "worse"

@@ -78,8 +78,12 @@ fn folder(form: Form, data: &Path) -> Result<PathBuf> {
     if data.file_name().is_some_and(|last| last == name) {
         tried.insert(0, data.to_path_buf());
     }
-    (tried.into_iter().find(|path| path.is_dir()))
-        .with_context(|| format!("{} has no folder `{name}` or `series/{name}`", data.display()))
+    (tried.into_iter().find(|path| path.is_dir())).with_context(|| {
+        format!(
+            "{} has no folder `{name}` or `series/{name}`",
+            data.display()
+        )
+    })
 }
 
 /// Files of one folder, digested as they are read.
@@ -191,7 +195,9 @@ fn aruba(files: &mut Files) -> Result<Material> {
         learn: (0..LEARNT_MINUTES).map(|i| state(i, room)).collect(),
         parts: vec![Part {
             name: "weeks 13-16".into(),
-            states: (LEARNT_MINUTES..rooms.len()).map(|i| state(i, room)).collect(),
+            states: (LEARNT_MINUTES..rooms.len())
+                .map(|i| state(i, room))
+                .collect(),
         }],
     });
     Ok(Material {
@@ -210,7 +216,11 @@ fn aruba(files: &mut Files) -> Result<Material> {
 fn edges(files: &mut Files) -> Result<Material> {
     let mut names: Vec<String> = (std::fs::read_dir(&files.folder)?)
         .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
-        .filter(|name| name.ends_with(".data"))
+        .filter(|name| {
+            Path::new(name)
+                .extension()
+                .is_some_and(|extension| extension == "data")
+        })
         .collect();
     names.sort();
     let mut series = Vec::new();
@@ -243,7 +253,11 @@ fn edges(files: &mut Files) -> Result<Material> {
             }],
         });
     }
-    ensure!(!series.is_empty(), "{} has no edges", files.folder.display());
+    ensure!(
+        !series.is_empty(),
+        "{} has no edges",
+        files.folder.display()
+    );
     Ok(Material {
         split: format!(
             "success of traversals of {} edges: the first 70 % of each learnt, the rest asked for",

@@ -3,12 +3,8 @@
 //! Every temporal model of the papers, and ours. None is tuned to a suite.
 
 use anyhow::Result;
-use chronotope::spectrum::{
-    Balance, CandidatePeriods, LiteralFremen, Rhythms, UniformSpectrum,
-};
-use chronotope::visibility::{
-    BitRow, HistoryLog, VisibilityConfig, VisibilityModel, Visits, fit,
-};
+use chronotope::spectrum::{Balance, CandidatePeriods, LiteralFremen, Rhythms, UniformSpectrum};
+use chronotope::visibility::{BitRow, HistoryLog, VisibilityConfig, VisibilityModel, Visits, fit};
 use chronotope::{Period, Time};
 
 use super::data::State;
@@ -35,6 +31,9 @@ const LOGISTIC: &str = "logistic-week-day";
 
 /// Logistic regression walks through its samples dozens of times, so it gets evenly spaced ones of many.
 const MAX_LOGISTIC: usize = 20_000;
+
+/// With fewer samples to judge by, the order is 0.
+const MIN_HELD_OUT: usize = 4;
 
 /// p(t) of one model.
 pub struct Forecast {
@@ -70,11 +69,23 @@ const FITTED: [(&str, &str); 8] = [
         LOGISTIC,
         "kind = 'logistic', candidates = { base-s = 604800.0, count = 28 }, harmonics = [1, 2, 7, 14]",
     ),
-    ("histogram-day", "kind = 'histogram', period-s = 86400.0, num-bins = 24"),
-    ("histogram-week", "kind = 'histogram', period-s = 604800.0, num-bins = 168"),
-    ("pergam-day", "kind = 'pergam', period-s = 86400.0, num-bins = 48, order = 3"),
+    (
+        "histogram-day",
+        "kind = 'histogram', period-s = 86400.0, num-bins = 24",
+    ),
+    (
+        "histogram-week",
+        "kind = 'histogram', period-s = 604800.0, num-bins = 168",
+    ),
+    (
+        "pergam-day",
+        "kind = 'pergam', period-s = 86400.0, num-bins = 48, order = 3",
+    ),
     ("markov", "kind = 'markov'"),
-    ("persistent-natural", "kind = 'persistent', of = { kind = 'natural' }"),
+    (
+        "persistent-natural",
+        "kind = 'persistent', of = { kind = 'natural' }",
+    ),
 ];
 
 /// What FreMEn looks for in a series.
@@ -113,6 +124,11 @@ pub fn forecasts(states: &[State], wanted: impl Fn(&str) -> bool) -> Result<Vec<
         for &(time, state) in states {
             fremen.add(time, state);
         }
+        forecasts.push(Forecast {
+            model,
+            order: Order::Auto,
+            predictor: Predictor::Rhythms(fremen.rhythms(held_out_order(states, balance)?)),
+        });
         forecasts.extend((1..=MAX_ORDER).map(|order| Forecast {
             model,
             order: Order::Fixed(order as u32),
@@ -123,8 +139,7 @@ pub fn forecasts(states: &[State], wanted: impl Fn(&str) -> bool) -> Result<Vec<
         && let Some((step, samples)) = uniform(states)
     {
         for order in 0..=MAX_ORDER {
-            let spectrum =
-                UniformSpectrum::build_with_missing(states[0].0, step, &samples, order)?;
+            let spectrum = UniformSpectrum::build_with_missing(states[0].0, step, &samples, order)?;
             forecasts.push(Forecast {
                 model: FFT,
                 order: Order::Fixed(order as u32),
@@ -133,6 +148,35 @@ pub fn forecasts(states: &[State], wanted: impl Fn(&str) -> bool) -> Result<Vec<
         }
     }
     Ok(forecasts)
+}
+
+/// The order that foretells the latest fifth of the samples best, learnt from those before (T-RO IV-B): the
+/// lower one of equals, 0 with few samples.
+fn held_out_order(states: &[State], balance: Balance) -> Result<usize> {
+    let (earlier, latest) = states.split_at(states.len() - states.len() / 5);
+    if latest.len() < MIN_HELD_OUT {
+        return Ok(0);
+    }
+    let mut fremen = LiteralFremen::new(candidates()?, balance);
+    for &(time, state) in earlier {
+        fremen.add(time, state);
+    }
+    let error = |order| {
+        let rhythms = fremen.rhythms(order);
+        let squares = latest
+            .iter()
+            .map(|&(time, state)| (rhythms.p(time) - f64::from(u8::from(state))).powi(2));
+        squares.sum::<f64>()
+    };
+    let errors: Vec<f64> = (0..=MAX_ORDER).map(error).collect();
+    let first_lowest = |best: usize, order: usize| {
+        if errors[order] < errors[best] {
+            order
+        } else {
+            best
+        }
+    };
+    Ok((0..=MAX_ORDER).fold(0, first_lowest))
 }
 
 /// A log of one feature.
@@ -157,7 +201,10 @@ fn log<'a>(states: impl ExactSizeIterator<Item = &'a State>) -> Result<HistoryLo
 /// Step and samples, if at most half of a steady rate's samples are missing.
 fn uniform(states: &[State]) -> Option<(Period, Vec<Option<bool>>)> {
     let (first, last) = (states.first()?.0.as_us(), states.last()?.0.as_us());
-    let step = states.windows(2).map(|w| w[1].0.as_us() - w[0].0.as_us()).min()?;
+    let step = states
+        .windows(2)
+        .map(|w| w[1].0.as_us() - w[0].0.as_us())
+        .min()?;
     let step = Period::from_us(step).ok()?;
     let len = usize::try_from((last - first) / step.as_us()).ok()? + 1;
     if len > 2 * states.len() {

@@ -1,8 +1,8 @@
 //! Which rhythms does a series have, and which does its sampling pretend?
 
 use anyhow::Result;
-use chronotope::spectrum::{CandidatePeriods, SpectralSums};
 use chronotope::Period;
+use chronotope::spectrum::{CandidatePeriods, SpectralSums};
 
 use super::data::{Material, State};
 use super::models::candidates;

@@ -242,7 +242,7 @@ fn learning(sizes: &Sizes) -> Result<Vec<Row>> {
             unit: "1/s",
             num_checked,
         },
-        bytes("model of order 2".into(), (8 + 18 * 2) as f64),
+        bytes("model of order 2".into(), f64::from(8 + 18 * 2)),
         bytes(
             format!("log of {} visits", sizes.num_visits),
             sizes.num_visits as f64 / 8.0,
@@ -255,7 +255,12 @@ fn predicting(sizes: &Sizes) -> Result<Row> {
     let log = log(sizes.num_features, sizes.num_visits)?;
     let model = fremen(&log, &candidates, 2)?;
     let components: Vec<_> = (0..sizes.num_features)
-        .map(|feature| (model.level(feature).unwrap_or_default(), model.components(feature)))
+        .map(|feature| {
+            (
+                model.level(feature).unwrap_or_default(),
+                model.components(feature),
+            )
+        })
         .collect();
     let time_s = |i: usize| 1_500_000_000 + i as i64 * 777;
     let mut p = vec![0.0; sizes.num_features];
@@ -282,11 +287,17 @@ fn predicting(sizes: &Sizes) -> Result<Row> {
         last
     });
     for (feature, (ours, twin)) in p.iter().zip(&last).enumerate() {
-        ensure!((ours - twin).abs() < 1e-6, "feature {feature}: p = {ours}, the twin has {twin}");
+        ensure!(
+            (ours - twin).abs() < 1e-6,
+            "feature {feature}: p = {ours}, the twin has {twin}"
+        );
     }
     let us = 1e6 / sizes.num_predictions as f64;
     Ok(Row {
-        name: format!("predict {} features, order 2, 168 candidates", sizes.num_features),
+        name: format!(
+            "predict {} features, order 2, 168 candidates",
+            sizes.num_features
+        ),
         ours: ours_s * us,
         twin: Some(plain_s * us),
         ratio: Some(plain_s / ours_s),
@@ -320,7 +331,11 @@ fn transform(sizes: &Sizes, len: usize) -> Result<Row> {
     });
     let model = model?;
     ensure!(
-        model.reconstruct(0..len as u64).iter().zip(&states).all(|(a, b)| *a == Some(*b)),
+        model
+            .reconstruct(0..len as u64)
+            .iter()
+            .zip(&states)
+            .all(|(a, b)| *a == Some(*b)),
         "a sample of {len} is not given back"
     );
     let ours_s = (build_s - plan_s).max(0.0);

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use anyhow::Context as _;
 use chronotope_eval::report;
 use chronotope_eval::results::Order;
 use chronotope_eval::run::RunOptions;
@@ -30,7 +31,7 @@ fn run() -> anyhow::Result<SeriesResults> {
         command: "chronotope-eval run edges <and its escaping>".into(),
     };
     let results = series::run(&Suite::find("edges")?, &options)?;
-    Ok(results.expect("a suite of series"))
+    results.context("`edges` is a suite of series")
 }
 
 #[test]
@@ -49,12 +50,18 @@ fn edges_are_learnt_judged_and_drawn() {
         }
     }
     let all = results.default_row(Sampling::All).unwrap();
-    assert!(all.is_default && all.brier_against_mean.high < 0.0, "{all:?}");
+    assert!(
+        all.is_default && all.brier_against_mean.high < 0.0,
+        "{all:?}"
+    );
     assert!((all.num_learnt - 2_450.0).abs() < 1.0, "{all:?}");
     // One traversal in nine goes the other way.
     assert!((0.10..0.16).contains(&all.state_error.value), "{all:?}");
     let table = series::table(&results);
-    assert!(table.contains("* natural") && table.contains("office-hours samples"), "{table}");
+    assert!(
+        table.contains("* natural") && table.contains("office-hours samples"),
+        "{table}"
+    );
 
     let html = report::render_series(&results);
     assert_eq!(html, report::render_series(&results));
@@ -62,12 +69,17 @@ fn edges_are_learnt_judged_and_drawn() {
     for id in ["curves", "order", "spectrum", "summary"] {
         assert!(html.contains(&format!("<section id=\"{id}\">")), "{id}");
     }
-    for loads in ["http://", "https://", "url(h", "@import", "<link", "src=\"h", "NaN"] {
+    for loads in [
+        "http://", "https://", "url(h", "@import", "<link", "src=\"h", "NaN",
+    ] {
         assert!(!html.contains(loads), "{loads}");
     }
     for tag in html.split("<svg").skip(1) {
         let tag = tag.split('>').next().unwrap();
-        assert!(tag.contains("aria-label=") || tag.contains("aria-hidden="), "{tag:.200}");
+        assert!(
+            tag.contains("aria-label=") || tag.contains("aria-hidden="),
+            "{tag:.200}"
+        );
     }
 }
 
@@ -100,5 +112,8 @@ fn a_folder_without_the_series_is_named() {
         command: String::new(),
     };
     let error = series::run(&Suite::find("door").unwrap(), &options).unwrap_err();
-    assert!(format!("{error:#}").contains("no folder `door`"), "{error:#}");
+    assert!(
+        format!("{error:#}").contains("no folder `door`"),
+        "{error:#}"
+    );
 }

@@ -41,10 +41,15 @@ pub(super) struct SpectrumArgs {
     #[arg(long, value_name = "NAME")]
     state_column: Option<String>,
     /// The share of samples, the latest, that models are judged by.
-    #[arg(long, value_name = "SHARE", default_value_t = 0.25)]
+    #[arg(
+        long,
+        value_name = "SHARE",
+        default_value_t = 0.25,
+        allow_negative_numbers = true
+    )]
     held_out: f64,
     /// The longest period that `fremen` looks for, in seconds; a week by default.
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     base_s: Option<f64>,
     /// Fractions of it that `fremen` looks for, from 1 to this.
     #[arg(long, default_value_t = 168)]
@@ -53,7 +58,7 @@ pub(super) struct SpectrumArgs {
     #[arg(long, default_value_t = 5)]
     max_order: usize,
     /// Also tell p at this time (may be given again).
-    #[arg(long, value_name = "TIME", value_parser = time_of)]
+    #[arg(long, value_name = "TIME", value_parser = time_of, allow_negative_numbers = true)]
     predict_at: Vec<Time>,
     /// One JSON object.
     #[arg(long)]

@@ -140,7 +140,7 @@ fn curves(drawings: &[Drawing]) -> String {
         return html;
     }
     html.push_str(
-        "<h2>What was foretold, what came?</h2><p class=\"hint\">Grey: the state was 1, in time that no model \
+        "<h2>What was foretold, what came?</h2><p class=\"hint\">Grey: the state was 1 (until the next sample), in time that no model \
          had seen. Lines: p(t) of each model; what it was learnt from stands in the title.</p>\
          <div class=\"grid\">",
     );

@@ -94,7 +94,7 @@ fn seconds_a_run<R>(least_s: f64, mut run: impl FnMut() -> R) -> (f64, R) {
         let result = black_box(run());
         runs += 1.0;
         let passed_s = now_s(started) - start_s;
-        if passed_s >= least_s {
+        if passed_s > least_s {
             return (passed_s / runs, result);
         }
     }

@@ -91,6 +91,7 @@ pub fn folds(
             Ok(vec![fold])
         }
         Protocol::Synthetic { .. } => bail!("worlds bring their own folds"),
+        Protocol::Series { .. } => bail!("a series is no dataset of images"),
     }
 }
 

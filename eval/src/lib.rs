@@ -2,7 +2,8 @@
 //!
 //! Finished answers become numbers and pictures here: [`results`] is the file `SUITE.json`,
 //! [`metrics`] turns answers into rates with intervals, [`compare`] pairs two runs query by query,
-//! [`table`] prints a run in a terminal and [`report`] draws it as one HTML file.
+//! [`table`] prints a run in a terminal and [`report`] draws it as one HTML file. [`series`] does all of this for
+//! single states over time.
 
 pub mod compare;
 pub mod exhibit;
@@ -12,6 +13,11 @@ pub mod metrics;
 pub mod report;
 pub mod results;
 pub mod run;
+pub mod series;
+/// How fast is it, next to others in the same run?
+pub mod speed {
+    pub mod temporal;
+}
 pub mod suite;
 pub mod table;
 

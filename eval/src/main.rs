@@ -9,7 +9,7 @@ use chronotope_eval::report::{self, ReportInput};
 use chronotope_eval::results::SuiteResults;
 use chronotope_eval::run::{RunOptions, run};
 use chronotope_eval::suite::Suite;
-use chronotope_eval::{compare, table};
+use chronotope_eval::{compare, series, table};
 use clap::{Parser, Subcommand};
 
 /// Measures how well Chronotope's methods localise, on real and synthetic images.
@@ -91,6 +91,15 @@ fn main_of(args: Args) -> Result<()> {
             };
             std::fs::create_dir_all(&options.out)
                 .with_context(|| format!("cannot create {}", options.out.display()))?;
+            if let Some(results) = series::run(&suite, &options)? {
+                println!("{}", series::table(&results));
+                let json = options.out.join(format!("{}.json", results.suite));
+                results.write(&json)?;
+                let report = options.out.join("report.html");
+                report::write_series(&results, &report)?;
+                eprintln!("wrote {} and {}", json.display(), report.display());
+                return Ok(());
+            }
             for (results, pictures) in run(&suite, &options)? {
                 println!("{}", table::render(&results, n));
                 let json = options.out.join(format!("{}.json", results.suite));

@@ -121,6 +121,18 @@ impl Sample {
         sample
     }
 
+    /// Blocks of like queries as sums and numbers of queries; empty blocks count for nothing.
+    pub fn of_blocks(blocks: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        let mut sample = Self::default();
+        for (sum, num) in blocks.into_iter().filter(|(_, num)| *num > 0.0) {
+            sample.groups.push((sum, num));
+            sample.widen(sum / num);
+            sample.num += num as usize;
+            sample.sum += sum;
+        }
+        sample
+    }
+
     /// Values with the name of each query's group, where it has one.
     pub fn grouped<'a>(values: impl IntoIterator<Item = (Option<&'a str>, f64)>) -> Self {
         let mut sample = Self::default();
@@ -139,13 +151,17 @@ impl Sample {
     }
 
     fn count(&mut self, value: f64) {
+        self.widen(value);
+        self.num += 1;
+        self.sum += value;
+    }
+
+    fn widen(&mut self, value: f64) {
         (self.smallest, self.largest) = if self.num == 0 {
             (value, value)
         } else {
             (self.smallest.min(value), self.largest.max(value))
         };
-        self.num += 1;
-        self.sum += value;
     }
 
     /// Number of queries.

@@ -212,7 +212,7 @@ fn extractor() -> Result<StarBrief> {
 }
 
 /// A bar on stderr, hidden where that is no terminal.
-fn progress(len: usize, what: &'static str) -> ProgressBar {
+pub(crate) fn progress(len: usize, what: &'static str) -> ProgressBar {
     let style = ProgressStyle::with_template("{msg:>12} {bar:40} {pos}/{len} {eta} left")
         .unwrap_or_else(|_| ProgressStyle::default_bar());
     ProgressBar::new(len as u64)
@@ -234,7 +234,7 @@ pub fn machine() -> String {
 }
 
 /// The revision of the working directory's repository, `+` if it has uncommitted changes.
-fn commit() -> String {
+pub(crate) fn commit() -> String {
     let git = |args: &[&str]| {
         let output = std::process::Command::new("git")
             .arg("-C")

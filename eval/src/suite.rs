@@ -27,6 +27,10 @@ const BUILTIN: &[(&str, &str)] = &[
     ("michigan-loo", include_str!("../suites/michigan-loo.toml")),
     ("lasvegas", include_str!("../suites/lasvegas.toml")),
     ("tilde", include_str!("../suites/tilde.toml")),
+    ("door", include_str!("../suites/door.toml")),
+    ("door2016", include_str!("../suites/door2016.toml")),
+    ("aruba", include_str!("../suites/aruba.toml")),
+    ("edges", include_str!("../suites/edges.toml")),
     ("synthetic", include_str!("../suites/synthetic.toml")),
 ];
 
@@ -49,7 +53,8 @@ pub struct Suite {
     /// Whether only re-observation is judged, because telling the places apart is too easy.
     #[serde(default)]
     pub visibility_only: bool,
-    /// What is run.
+    /// What is run; nothing in a suite of series, which runs every temporal model.
+    #[serde(default)]
     pub arms: Vec<Arm>,
 }
 
@@ -65,6 +70,13 @@ pub enum Protocol {
     LeaveOneVisitOut,
     /// Learn what is before the manifest's split, ask for what is after it.
     Split,
+    /// Single states over time instead of images; see [`series`](crate::series).
+    Series {
+        /// What their files look like.
+        form: Form,
+        /// The share of samples that is left where they are thinned.
+        share: f64,
+    },
     /// Worlds of these seeds, each with and without rhythms.
     #[serde(rename_all = "kebab-case")]
     Synthetic {
@@ -75,6 +87,32 @@ pub enum Protocol {
         /// Visits of each place that are asked for.
         num_query: usize,
     },
+}
+
+/// The files of a suite of series.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Form {
+    /// `week`, `day7`, `day8`: a door, a sample a second.
+    Door,
+    /// Ten weeks and a later one: a door, a sample a minute.
+    Door2016,
+    /// The room of one person, minute by minute.
+    Aruba,
+    /// Traversals of a robot's topological edges: time, duration, success.
+    Edges,
+}
+
+impl Form {
+    /// The name of its folder.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Door => "door",
+            Self::Door2016 => "door2016",
+            Self::Aruba => "aruba",
+            Self::Edges => "edges",
+        }
+    }
 }
 
 /// One preset with what it is run with.

@@ -16,6 +16,8 @@ mod output;
 mod pictures;
 mod predict;
 mod progress;
+mod series;
+mod spectrum;
 mod trace;
 
 use std::io::IsTerminal;
@@ -42,7 +44,8 @@ Examples:
   chronotope dataset check photos/
   chronotope map build --data photos/ --out street.map
   chronotope localize street.map now.jpg --time 2024-05-01T08:30:00Z
-  chronotope predict street.map --time 2024-05-01T08:30:00Z --node door"
+  chronotope predict street.map --time 2024-05-01T08:30:00Z --node door
+  chronotope spectrum door.csv"
 )]
 struct Cli {
     #[command(subcommand)]
@@ -59,6 +62,7 @@ enum Command {
     Map(MapCommand),
     Localize(localize::LocalizeArgs),
     Predict(predict::PredictArgs),
+    Spectrum(spectrum::SpectrumArgs),
     /// Look into folders of images.
     #[command(subcommand)]
     Dataset(DatasetCommand),
@@ -146,6 +150,7 @@ impl Cli {
             Command::Map(MapCommand::Verify(args)) => inspect::verify(&args, &mut out),
             Command::Localize(args) => localize::run(&args, &mut out),
             Command::Predict(args) => predict::run(&args, &mut out),
+            Command::Spectrum(args) => spectrum::run(&args, &mut out),
             Command::Dataset(DatasetCommand::Check(args)) => check::run(&args, &mut out),
         }
     }

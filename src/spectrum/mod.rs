@@ -2,12 +2,23 @@
 //!
 //! Pure mathematics of one binary state observed at known times; nothing here knows what the state
 //! means. [`CandidatePeriods`] is the set Omega of rhythms that are looked for; [`SpectralSums`] learn a
-//! state from observations at any times, and a [`PhasorTable`] many states that share their times;
+//! state from observations at any times ([`VisitSums`] each visit once, whoever brings it), and a [`PhasorTable`] many states that share their times;
 //! [`strongest`] selects the few rhythms that a model of order l keeps, and [`Rhythms`] is p(t).
 //! A state that was sampled at a steady rate is a [`UniformSpectrum`]: a few rhythms and an
 //! [`OutlierSet`], from which every sample can be given back.
 //! [`HarmonicRegression`] solves for a mean and rhythms together, from sums alone.
 //! [`LiteralFremen`] repeats the papers' own update rules for comparison.
+//!
+//! # Which form for which data?
+//!
+//! | form | learns from | state kept | costs | not for |
+//! |---|---|---|---|---|
+//! | [`UniformSpectrum`] | a steady rate, gaps marked | l triples of 5 bytes, outliers of 1-2 bytes a change | one FFT to learn, O(l) to ask | irregular times |
+//! | [`SpectralSums`] | any times, one at a time | 32 K bytes | O(K) to add, O(K l) a model | knowing which visits are in it |
+//! | [`VisitSums`] | the same, from several robots | 40 bytes a visit more | O(log n) more | whole maps |
+//! | [`PhasorTable`] | many states with shared times | 16 K bytes a time | additions only | changing times |
+//! | [`HarmonicRegression`] | the sums of the others | the sums | O(n^3) once, O(n^2) a state | choosing among hundreds of rhythms |
+//! | [`LiteralFremen`] | any times, in order of arrival | 32 K bytes | O(K) to add | anything but parity |
 //!
 //! # Notation
 //!
@@ -38,6 +49,7 @@ mod rhythms;
 mod select;
 mod sums;
 mod uniform;
+mod visits;
 
 pub use candidates::CandidatePeriods;
 pub(crate) use least_squares::Cholesky;
@@ -49,3 +61,4 @@ pub use select::{NEGLIGIBLE_AMPLITUDE, strongest};
 pub use sums::{MAX_OBSERVATIONS, P_UNKNOWN, PhasorTable, SpectralSums};
 pub(crate) use sums::{from_fixed, to_fixed, too_many};
 pub use uniform::{Encoding, UniformSpectrum};
+pub use visits::VisitSums;

@@ -505,6 +505,13 @@ impl UniformSpectrum {
             }
             model.outliers = OutlierSet::read(&mut reader, model.num_samples)?;
             model.missing = OutlierSet::read(&mut reader, model.num_samples)?;
+            let mut outliers = model.outliers.intervals();
+            if outliers.any(|outlier| model.missing.measure(outlier.start, outlier.end) > 0) {
+                return Err(reader.impossible("a missing sample is an outlier"));
+            }
+            if model.missing.measure(0, num_learnt) != num_missing {
+                return Err(reader.impossible("impossible numbers of missing samples"));
+            }
         }
         reader.finish()?;
         Ok(model)

@@ -151,6 +151,10 @@ impl VisibilityModel for Fremen {
         self.order
     }
 
+    fn level(&self, feature: usize) -> Option<f64> {
+        Some(self.mean[feature])
+    }
+
     fn components(&self, feature: usize) -> Vec<Component> {
         assert!(feature < self.mean.len(), "no feature {feature}");
         (feature..self.terms.len())

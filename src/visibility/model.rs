@@ -37,6 +37,15 @@ pub trait VisibilityModel: Debug + Send + Sync {
         0
     }
 
+    /// What the rhythms of one feature swing about; `None` for a model that is not a level and rhythms.
+    ///
+    /// # Panics
+    /// If there is no such feature.
+    fn level(&self, feature: usize) -> Option<f64> {
+        assert!(feature < self.num_features(), "no feature {feature}");
+        None
+    }
+
     /// The rhythms of one feature, strongest first: none for a model that has none.
     ///
     /// # Panics

@@ -52,9 +52,9 @@ const NUM_HARMONICS: [usize; 3] = [1, 2, 4];
 const SIZE: usize = 1 + 2 * 7;
 /// Products of two columns, the lower triangle.
 const NUM_PRODUCTS: usize = SIZE * (SIZE + 1) / 2;
-/// A cycle must fit so often into the span of the visits. One is enough to be looked at, since a year of
-/// visits is what outdoor maps begin with.
-const MIN_CYCLES: f64 = 0.9;
+/// How often each cycle must fit into the span of the visits. One year is enough to be looked at, since that is
+/// what outdoor maps begin with.
+const MIN_CYCLES: [f64; 3] = [0.9, 1.5, 1.5];
 /// Features that choose the rhythms.
 const MAX_VOTERS: usize = 256;
 /// Fewer visits than this, or days, give the mean.
@@ -142,8 +142,8 @@ struct Days {
     /// For each visit, by its index: the run that its day is in.
     run_of: Vec<usize>,
     num_runs: usize,
-    /// The indices of the visits, day by day.
-    days: Vec<Vec<usize>>,
+    /// The indices of each day's visits.
+    visits: Vec<Vec<usize>>,
 }
 
 impl Days {
@@ -167,7 +167,7 @@ impl Days {
         Self {
             run_of,
             num_runs,
-            days,
+            visits: days,
         }
     }
 }
@@ -275,7 +275,7 @@ impl Natural {
         let days = Days::new(evidence);
         let changes = |&f: &usize| counts.seen[f] > 0 && counts.seen[f] < counts.observed[f];
         let changing: Vec<usize> = (0..evidence.num_features()).filter(changes).collect();
-        if num_visits < MIN_VISITS || days.days.len() < MIN_DAYS || changing.is_empty() {
+        if num_visits < MIN_VISITS || days.visits.len() < MIN_DAYS || changing.is_empty() {
             return Ok(Fremen::of_means(candidates, 0, means));
         }
         let step = changing.len().div_ceil(MAX_VOTERS);
@@ -289,9 +289,9 @@ impl Natural {
             return Ok(model);
         }
         let columns = columns(&rhythms);
-        let seen = seen_sums(evidence, &design, &vec![0; num_visits], 1, &changing);
-        let whole = vec![0; num_visits];
-        let mut cohorts = Cohorts::new(evidence, &design, &whole, 1);
+        let one_run = vec![0; num_visits];
+        let seen = seen_sums(evidence, &design, &one_run, 1, &changing);
+        let mut cohorts = Cohorts::new(evidence, &design, &one_run, 1);
         let mut factor = None;
         for (i, &feature) in changing.iter().enumerate() {
             if let Some(grams) = cohorts.next(feature, i == 0) {
@@ -313,8 +313,12 @@ impl Natural {
     fn allowed(&self, evidence: &Evidence<'_>, candidates: &CandidatePeriods) -> Vec<bool> {
         let first = evidence.times().min().unwrap_or_default();
         let last = evidence.times().max().unwrap_or_default();
-        let fits = |k| MIN_CYCLES * candidates.period_s(k) <= last.since_s(first);
-        let mut allowed: Vec<bool> = (0..candidates.len()).map(fits).collect();
+        let span_s = last.since_s(first);
+        let cycles = MIN_CYCLES.into_iter().zip(NUM_HARMONICS);
+        let min_cycles = cycles.flat_map(|(min, count)| std::iter::repeat_n(min, count));
+        let mut allowed: Vec<bool> = (min_cycles.enumerate())
+            .map(|(k, min)| min * candidates.period_s(k) <= span_s)
+            .collect();
         if let Some(guards) = self.guards {
             let supported = supported(evidence, candidates, guards);
             for (allowed, supported) in allowed.iter_mut().zip(supported) {
@@ -331,7 +335,7 @@ fn dispersion(evidence: &Evidence<'_>, days: &Days, voters: &[usize], means: &[f
     let mut of_days = vec![0.0; voters.len()];
     let mut of_visits = vec![0.0; voters.len()];
     let mut num_days = vec![0.0; voters.len()];
-    for day in &days.days {
+    for day in &days.visits {
         let mut counts = vec![(0.0, 0.0); voters.len()];
         for &index in day {
             let visit = evidence.visits[index];
@@ -437,11 +441,8 @@ fn choose(
     }
     let totals: Vec<f64> = errors.iter().map(|runs| runs.iter().sum()).collect();
     // The first of equals has fewest rhythms; sums of one value must not choose by their last bits.
-    let rounded: Vec<f64> = totals
-        .iter()
-        .map(|total| total / totals[0].max(1e-9))
-        .collect();
-    let rounded: Vec<f64> = rounded.iter().map(|total| (total * 1e9).round()).collect();
+    let scale = 1e9 / totals[0].max(1e-9);
+    let rounded: Vec<f64> = totals.iter().map(|total| (total * scale).round()).collect();
     let best = lowest(&rounded);
     let gains: Vec<f64> = (errors[0].iter().zip(&errors[best]))
         .map(|(mean, best)| mean - best)

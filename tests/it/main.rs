@@ -3,6 +3,7 @@
 
 mod architecture;
 mod cli;
+mod cli_spectrum;
 mod dataset;
 mod feature;
 #[cfg(feature = "opencv")]

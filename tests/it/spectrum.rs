@@ -7,7 +7,7 @@ use std::io::Read;
 use std::path::PathBuf;
 
 use chronotope::spectrum::{
-    Balance, CandidatePeriods, Encoding, LiteralFremen, SpectralSums, UniformSpectrum,
+    Balance, CandidatePeriods, Encoding, LiteralFremen, SpectralSums, UniformSpectrum, VisitSums,
 };
 use chronotope::{ErrorKind, Period, Time};
 use proptest::prelude::*;
@@ -101,6 +101,78 @@ proptest! {
     }
 
     #[test]
+    fn merging_by_visit_is_idempotent_and_forgets_exactly(
+        observations in observations(),
+        of_a in prop::collection::vec(any::<bool>(), 40),
+        of_b in prop::collection::vec(any::<bool>(), 40),
+        horizon in any::<i64>(),
+    ) {
+        let candidates = harmonic(Period::WEEK, 7);
+        let part = |chosen: &dyn Fn(usize) -> bool| {
+            let mut part = VisitSums::new(candidates.clone());
+            for (visit, &(us, state)) in observations.iter().enumerate().filter(|(i, _)| chosen(*i)) {
+                assert!(part.add(visit as u128, Time::from_us(us), state).expect("few"));
+            }
+            part
+        };
+        let merged = |parts: &[&VisitSums]| {
+            let mut total = VisitSums::new(candidates.clone());
+            for part in parts {
+                total.merge(part).expect("the same candidates");
+            }
+            total
+        };
+        let (a, b, c) = (part(&|i| of_a[i]), part(&|i| of_b[i]), part(&|i| i % 3 == 0));
+        let union = part(&|i| of_a[i] || of_b[i]);
+        prop_assert_eq!(&merged(&[&a, &b]), &union);
+        prop_assert_eq!(&merged(&[&b, &a, &b, &a]), &union);
+        prop_assert_eq!(merged(&[&union, &c]), merged(&[&a, &merged(&[&b, &c])]));
+        let horizon = Time::from_us(horizon);
+        let late = part(&|i| Time::from_us(observations[i].0) >= horizon);
+        let mut all = part(&|_| true);
+        let forgotten = all.forget_before(horizon).expect("was added");
+        prop_assert_eq!(all.sums().num_observed() + forgotten, observations.len());
+        prop_assert_eq!(all, late);
+    }
+
+    #[test]
+    fn a_damaged_uniform_spectrum_is_refused_or_still_gives_probabilities(
+        states in prop::collection::vec(prop_oneof![5 => any::<bool>().prop_map(Some), 1 => Just(None)], 0..200),
+        order in 0_usize..4,
+        changes in prop::collection::vec((0_usize..10_000, any::<u8>()), 1..4),
+        us in any::<i64>(),
+    ) {
+        let model = UniformSpectrum::build_with_missing(Time::from_s(9), second(), &states, order).expect("short");
+        let bytes = model.to_bytes(Encoding::Lossless);
+        let mut damaged = bytes.clone();
+        for &(at, byte) in &changes {
+            let at = at % damaged.len();
+            damaged[at] = byte;
+        }
+        if damaged != bytes {
+            prop_assert!(UniformSpectrum::from_bytes(&damaged).is_err(), "the checksum tells");
+        }
+        // As if written by a faulty program: the checksum fits.
+        let body = damaged.len() - 4;
+        let crc = crc32fast::hash(&damaged[..body]);
+        damaged[body..].copy_from_slice(&crc.to_le_bytes());
+        if let Ok(mut model) = UniformSpectrum::from_bytes(&damaged) {
+            for time in [Time::from_us(us), Time::from_us(i64::MIN), Time::from_us(i64::MAX)] {
+                prop_assert!((0.0..=1.0).contains(&model.p(time)));
+            }
+            prop_assert!(model.components().all(|c| c.period_s > 0.0 && c.phase_rad.is_finite()));
+            let error = model.estimation_error(0..model.num_samples());
+            prop_assert!((0.0..=1.0).contains(&error), "{}", error);
+            let len = model.num_samples().min(1_000);
+            prop_assert_eq!(model.reconstruct(0..len).len() as u64, len);
+            if model.num_samples() < 10_000 {
+                model.add(Some(true)).expect("short");
+                model.update(1).expect("short");
+            }
+        }
+    }
+
+    #[test]
     fn a_uniform_spectrum_gives_every_sample_back(
         states in prop::collection::vec(prop_oneof![5 => any::<bool>().prop_map(Some), 1 => Just(None)], 0..300),
         added in prop::collection::vec(prop_oneof![5 => any::<bool>().prop_map(Some), 1 => Just(None)], 0..300),
@@ -156,6 +228,59 @@ proptest! {
             prop_assert!((twin.amplitude - expected).abs() < 3e-5);
             let turn = (twin.phase_rad - component.phase_rad).rem_euclid(TAU);
             prop_assert!(turn.min(TAU - turn) < 1e-4, "{:?} {:?}", twin, component);
+        }
+    }
+}
+
+#[test]
+fn a_visit_with_two_meanings_is_refused_and_nothing_changes() {
+    let day = harmonic(Period::DAY, 3);
+    let mut sums = VisitSums::new(day.clone());
+    assert!(sums.add(7, Time::from_s(1), true).expect("new"));
+    assert!(!sums.add(7, Time::from_s(1), true).expect("known"));
+    let mut other = VisitSums::new(day);
+    other.add(3, Time::from_s(1), true).expect("new");
+    other.add(7, Time::from_s(1), false).expect("new");
+    let before = sums.clone();
+    assert_eq!(
+        sums.merge(&other).expect_err("two states").kind(),
+        ErrorKind::Shape
+    );
+    assert_eq!(sums, before);
+    let week = VisitSums::new(harmonic(Period::WEEK, 3));
+    assert_eq!(
+        sums.merge(&week).expect_err("other rhythms").kind(),
+        ErrorKind::Config
+    );
+}
+
+/// The direct sum with phases in whole microseconds.
+#[test]
+fn sums_stay_exact_beyond_2_to_the_31_seconds() {
+    for epoch_s in [0, 1 << 31, 1 << 32, (1_i64 << 42) - 5, -(1_i64 << 33)] {
+        let (base, count, num) = (Period::YEAR, 100, 500);
+        let times: Vec<i64> = (0..num)
+            .map(|i| epoch_s * SECOND + i * i * 7_919_000_003)
+            .collect();
+        let observations: Vec<_> = times.iter().map(|&us| (us, us % 3 == 0)).collect();
+        let mean = observations.iter().filter(|o| o.1).count() as f64 / num as f64;
+        for component in sums_of(&harmonic(base, count), &observations)
+            .rhythms(count)
+            .components()
+        {
+            let k = (base.as_s() / component.period_s).round() as i128;
+            let (mut re, mut im) = (0.0, 0.0);
+            for &(us, state) in &observations {
+                let turn = (i128::from(us) * k).rem_euclid(i128::from(base.as_us()));
+                let (sin, cos) = (TAU * (turn as f64 / base.as_us() as f64)).sin_cos();
+                re += (f64::from(u8::from(state)) - mean) * cos;
+                im += (f64::from(u8::from(state)) - mean) * sin;
+            }
+            let difference = component.amplitude * num as f64 / 2.0 - re.hypot(im);
+            assert!(
+                difference.abs() <= 1e-12 * num as f64,
+                "{epoch_s} s, {k}: {difference}"
+            );
         }
     }
 }

@@ -464,6 +464,130 @@ fn thin_histories_have_defined_answers() {
 }
 
 #[test]
+fn more_candidates_than_visits_are_defined() {
+    let log = log_of(&daily(6));
+    for candidates in [
+        CandidatePeriods::harmonic(Period::YEAR, 3_000).expect("valid"),
+        CandidatePeriods::harmonic(Period::from_us(2_000).expect("positive"), 900).expect("valid"),
+    ] {
+        for order in [0, 1, 7, 5_000] {
+            let model = fitted(&log, &fremen(&candidates, order), Visits::All);
+            assert!(model.order() <= candidates.len());
+            for hour in [-5, 3, 1_000_000] {
+                let p = model.predict_one(0, Time::from_us(hour * HOUR_US));
+                assert!((0.0..=1.0).contains(&p), "order {order} at {hour} h: {p}");
+            }
+        }
+    }
+}
+
+/// `num` visits every so many hours, of features of which each is seen as `is_seen(feature, hour)` says.
+fn visits(num: i64, every_h: i64, is_seen: impl Fn(u64, i64) -> bool) -> Vec<Row> {
+    (0..num)
+        .map(|i| {
+            let hour = i * every_h;
+            (
+                hour * HOUR_US,
+                (0..20).map(|f| u8::from(is_seen(f, hour))).collect(),
+            )
+        })
+        .collect()
+}
+
+fn coin(feature: u64, hour: i64) -> u64 {
+    let z = (feature * 1_000_003 + hour as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    let z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z ^ (z >> 31)
+}
+
+#[test]
+fn natural_rhythms_are_found_where_days_confirm_them_and_refused_where_not() {
+    let natural = VisibilityConfig::natural();
+    // A day, wrong once in five, from visits every 5 hours.
+    let daily = |f, hour: i64| (hour.rem_euclid(24) < 12) != coin(f, hour).is_multiple_of(5);
+    let model = fitted(&log_of(&visits(200, 5, daily)), &natural, Visits::All);
+    assert!(model.order() >= 1);
+    let strongest = model.components(3)[0];
+    assert_eq!(strongest.period_s, 86_400.0);
+    assert!((0.25..0.6).contains(&strongest.amplitude), "{strongest:?}");
+    let p = |hour: i64| model.predict_one(3, Time::from_us(hour * HOUR_US));
+    assert!(p(24 * 1_000 + 6) > 0.7 && p(24 * 1_000 + 18) < 0.3);
+    // Coins, thrown for each feature, and for all together.
+    for shared in [false, true] {
+        let toss = |f, hour| coin(if shared { 0 } else { f }, hour).is_multiple_of(2);
+        let log = log_of(&visits(200, 5, toss));
+        assert_eq!(
+            fitted(&log, &natural, Visits::All).order(),
+            0,
+            "shared: {shared}"
+        );
+    }
+    // A state that keeps for days is no rhythm.
+    let slow = |_, hour: i64| coin(0, hour / 60).is_multiple_of(2);
+    assert_eq!(
+        fitted(&log_of(&visits(300, 2, slow)), &natural, Visits::All).order(),
+        0
+    );
+    // Two days are too few to leave one out, seven visits too few for anything.
+    for (num, every_h) in [(24, 2), (7, 24)] {
+        let log = log_of(&visits(num, every_h, |_, hour| hour % 24 < 12));
+        assert_eq!(fitted(&log, &natural, Visits::All).order(), 0);
+    }
+}
+
+#[test]
+fn natural_rhythms_stay_calm_at_hours_that_were_never_seen() {
+    // Five days from 8 to 18 h, seen more often about noon than at the ends, every ten minutes.
+    let rows: Vec<Row> = (0..5 * 60)
+        .map(|i| {
+            let (day, tenth) = (i / 60, i % 60);
+            let from_noon = (tenth - 30_i64).unsigned_abs();
+            let seen = coin(day as u64, tenth / 6) % 40 > from_noon;
+            let us = (day * 24 + 8) * HOUR_US + tenth * HOUR_US / 6;
+            (us, vec![u8::from(seen)])
+        })
+        .collect();
+    let log = log_of(&rows);
+    let mean = fitted(&log, &VisibilityConfig::mean(), Visits::All).predict_one(0, Time::default());
+    let model = fitted(&log, &VisibilityConfig::natural(), Visits::All);
+    for hour in 0..24 {
+        let p = model.predict_one(0, Time::from_us((7 * 24 + hour) * HOUR_US));
+        assert!(
+            p > 0.0 && p < 1.0 && p < mean + 0.35,
+            "{p} at {hour} h, mean {mean}"
+        );
+    }
+}
+
+#[test]
+fn one_thread_and_many_learn_the_same_bits() {
+    let rows = visits(120, 7, |f, hour| {
+        (hour + f as i64) % 24 < 11 || coin(f, hour).is_multiple_of(7)
+    });
+    let log = log_of(&rows);
+    let candidates = CandidatePeriods::harmonic(Period::WEEK, 60).expect("valid");
+    let configs = [
+        VisibilityConfig::natural(),
+        fremen(&candidates, 2),
+        VisibilityConfig::rhythms(),
+    ];
+    let learn = || -> Vec<u64> {
+        let models = configs.iter().map(|cfg| fitted(&log, cfg, Visits::All));
+        models
+            .flat_map(|model| predict_all(&*model, Time::from_us(1_234_567 * HOUR_US / 10)))
+            .map(f64::to_bits)
+            .collect()
+    };
+    let alone = learn();
+    std::thread::scope(|scope| {
+        let others: Vec<_> = (0..4).map(|_| scope.spawn(learn)).collect();
+        for other in others {
+            assert_eq!(other.join().expect("no panic"), alone);
+        }
+    });
+}
+
+#[test]
 fn a_selection_of_another_length_is_refused() {
     let log = log_of(&daily(3));
     let error = fit(

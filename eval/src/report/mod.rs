@@ -11,6 +11,7 @@ mod html;
 mod pictures;
 mod plot;
 mod sections;
+mod series;
 
 use std::path::Path;
 
@@ -19,6 +20,7 @@ use chronotope::feature::GrayImage;
 
 use crate::results::{SuiteResults, write_atomically};
 use html::{Esc, put};
+pub use series::{render_series, write_series};
 
 /// What became of a feature in a live image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -169,6 +171,17 @@ pub fn render(input: &ReportInput<'_>) -> Result<String> {
         ),
     ];
     let title = format!("{}: which place is this?", results.suite);
+    Ok(document(
+        &title,
+        &sections::head(results),
+        &sections,
+        sections::foot(),
+    ))
+}
+
+/// A page of sections (id, name, body), of which the empty ones are left out.
+fn document(title: &str, head: &str, sections: &[(&str, &str, String)], foot: &str) -> String {
+    let shown = || sections.iter().filter(|(_, _, body)| !body.is_empty());
     let mut html = String::new();
     put!(
         html,
@@ -177,26 +190,21 @@ pub fn render(input: &ReportInput<'_>) -> Result<String> {
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <meta name=\"color-scheme\" content=\"light dark\">\n\
          <title>Chronotope, suite {}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n",
-        Esc(&title)
+        Esc(title)
     );
-    put!(
-        html,
-        "<header>{}<nav aria-label=\"Sections\">",
-        sections::head(results)
-    );
-    for (id, name, _) in sections.iter().filter(|(_, _, body)| !body.is_empty()) {
+    put!(html, "<header>{head}<nav aria-label=\"Sections\">");
+    for (id, name, _) in shown() {
         put!(html, "<a href=\"#{id}\">{name}</a>");
     }
     html.push_str("</nav></header>\n<main>\n");
-    for (id, _, body) in sections.iter().filter(|(_, _, body)| !body.is_empty()) {
+    for (id, _, body) in shown() {
         put!(html, "<section id=\"{id}\">\n{body}</section>\n");
     }
     put!(
         html,
-        "</main>\n<footer>{}</footer>\n<script>{SCRIPT}</script>\n</body>\n</html>\n",
-        sections::foot()
+        "</main>\n<footer>{foot}</footer>\n<script>{SCRIPT}</script>\n</body>\n</html>\n"
     );
-    Ok(html)
+    html
 }
 
 /// Renders the report into `path`; a reader finds the old file or the new one, never a part.

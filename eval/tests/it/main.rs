@@ -3,6 +3,7 @@
 mod browser;
 mod pictures;
 mod sample;
+mod series;
 
 use chronotope_eval::report::{self, Pictures, ReportInput};
 use chronotope_eval::results::SuiteResults;

@@ -1,0 +1,222 @@
+//! Which forecasts are compared?
+//!
+//! Every temporal model of the papers, and ours. None is tuned to a suite.
+
+use anyhow::Result;
+use chronotope::spectrum::{Balance, CandidatePeriods, LiteralFremen, Rhythms, UniformSpectrum};
+use chronotope::visibility::{BitRow, HistoryLog, VisibilityConfig, VisibilityModel, Visits, fit};
+use chronotope::{Period, Time};
+
+use super::data::State;
+use crate::results::Order;
+
+/// The highest order of FreMEn that is tried.
+pub const MAX_ORDER: usize = 10;
+
+/// Candidates of FreMEn: the fractions of a week down to an hour, as the papers use indoors.
+const NUM_CANDIDATES: usize = 168;
+
+/// The name of the model that the documentation recommends.
+pub const DEFAULT: &str = "natural";
+
+/// The baseline that every forecast is paired with.
+pub const BASELINE: &str = "mean";
+
+/// FreMEn as the two papers print it.
+pub const LITERAL: [&str; 2] = ["fremen-alpha-only", "fremen-running-mean"];
+
+const FFT: &str = "fft";
+
+const LOGISTIC: &str = "logistic-week-day";
+
+/// Logistic regression walks through its samples dozens of times, so it gets evenly spaced ones of many.
+const MAX_LOGISTIC: usize = 20_000;
+
+/// With fewer samples to judge by, the order is 0.
+const MIN_HELD_OUT: usize = 4;
+
+/// p(t) of one model.
+pub struct Forecast {
+    /// Its name in tables.
+    pub model: &'static str,
+    /// How many rhythms it has, or that it chooses.
+    pub order: Order,
+    predictor: Predictor,
+}
+
+enum Predictor {
+    Rhythms(Rhythms),
+    Uniform(UniformSpectrum),
+    Fitted(Box<dyn VisibilityModel>),
+}
+
+impl Forecast {
+    /// p(t).
+    pub fn p(&self, time: Time) -> f64 {
+        match &self.predictor {
+            Predictor::Rhythms(rhythms) => rhythms.p(time),
+            Predictor::Uniform(spectrum) => spectrum.p(time),
+            Predictor::Fitted(model) => model.predict_one(0, time),
+        }
+    }
+}
+
+/// Models that `fit` makes, in TOML.
+const FITTED: [(&str, &str); 8] = [
+    (BASELINE, "kind = 'mean'"),
+    (DEFAULT, "kind = 'natural'"),
+    (
+        LOGISTIC,
+        "kind = 'logistic', candidates = { base-s = 604800.0, count = 28 }, harmonics = [1, 2, 7, 14]",
+    ),
+    (
+        "histogram-day",
+        "kind = 'histogram', period-s = 86400.0, num-bins = 24",
+    ),
+    (
+        "histogram-week",
+        "kind = 'histogram', period-s = 604800.0, num-bins = 168",
+    ),
+    (
+        "pergam-day",
+        "kind = 'pergam', period-s = 86400.0, num-bins = 48, order = 3",
+    ),
+    ("markov", "kind = 'markov'"),
+    (
+        "persistent-natural",
+        "kind = 'persistent', of = { kind = 'natural' }",
+    ),
+];
+
+/// What FreMEn looks for in a series.
+pub fn candidates() -> chronotope::Result<CandidatePeriods> {
+    CandidatePeriods::harmonic(Period::WEEK, NUM_CANDIDATES)
+}
+
+/// The forecasts whose names are `wanted`, learnt from `states`.
+pub fn forecasts(states: &[State], wanted: impl Fn(&str) -> bool) -> Result<Vec<Forecast>> {
+    let mut forecasts = Vec::new();
+    let all = log(states.iter())?;
+    let step = states.len().div_ceil(MAX_LOGISTIC).max(1);
+    let few = log(states.iter().step_by(step))?;
+    for (model, text) in FITTED.into_iter().filter(|(model, _)| wanted(model)) {
+        let log = if model == LOGISTIC { &few } else { &all };
+        let cfg = VisibilityConfig::from_toml(&format!("model = {{ {text} }}"))?;
+        forecasts.push(Forecast {
+            model,
+            order: match model {
+                BASELINE => Order::Fixed(0),
+                _ => Order::Auto,
+            },
+            predictor: Predictor::Fitted(fit(log, &cfg, Visits::All)?),
+        });
+    }
+    let [alpha_only, running_mean] = LITERAL;
+    for (model, balance) in [
+        ("fremen", Balance::Exact),
+        (alpha_only, Balance::AlphaOnly),
+        (running_mean, Balance::RunningMean),
+    ] {
+        if !wanted(model) {
+            continue;
+        }
+        let mut fremen = LiteralFremen::new(candidates()?, balance);
+        for &(time, state) in states {
+            fremen.add(time, state);
+        }
+        forecasts.push(Forecast {
+            model,
+            order: Order::Auto,
+            predictor: Predictor::Rhythms(fremen.rhythms(held_out_order(states, balance)?)),
+        });
+        forecasts.extend((1..=MAX_ORDER).map(|order| Forecast {
+            model,
+            order: Order::Fixed(order as u32),
+            predictor: Predictor::Rhythms(fremen.rhythms(order)),
+        }));
+    }
+    if wanted(FFT)
+        && let Some((step, samples)) = uniform(states)
+    {
+        for order in 0..=MAX_ORDER {
+            let spectrum = UniformSpectrum::build_with_missing(states[0].0, step, &samples, order)?;
+            forecasts.push(Forecast {
+                model: FFT,
+                order: Order::Fixed(order as u32),
+                predictor: Predictor::Uniform(spectrum),
+            });
+        }
+    }
+    Ok(forecasts)
+}
+
+/// The order that foretells the latest fifth of the samples best, learnt from those before (T-RO IV-B): the
+/// lower one of equals, 0 with few samples.
+fn held_out_order(states: &[State], balance: Balance) -> Result<usize> {
+    let (earlier, latest) = states.split_at(states.len() - states.len() / 5);
+    if latest.len() < MIN_HELD_OUT {
+        return Ok(0);
+    }
+    let mut fremen = LiteralFremen::new(candidates()?, balance);
+    for &(time, state) in earlier {
+        fremen.add(time, state);
+    }
+    let error = |order| {
+        let rhythms = fremen.rhythms(order);
+        let squares = latest
+            .iter()
+            .map(|&(time, state)| (rhythms.p(time) - f64::from(u8::from(state))).powi(2));
+        squares.sum::<f64>()
+    };
+    let errors: Vec<f64> = (0..=MAX_ORDER).map(error).collect();
+    let first_lowest = |best: usize, order: usize| {
+        if errors[order] < errors[best] {
+            order
+        } else {
+            best
+        }
+    };
+    Ok((0..=MAX_ORDER).fold(0, first_lowest))
+}
+
+/// A log of one feature.
+fn log<'a>(states: impl ExactSizeIterator<Item = &'a State>) -> Result<HistoryLog> {
+    let mut log = HistoryLog::new();
+    // A series may be empty after thinning; its model then knows of one feature and nothing of it.
+    if states.len() == 0 {
+        let mut hidden = BitRow::zeros(1);
+        hidden.set(0);
+        log.push_visit(Time::default(), BitRow::zeros(1), Some(hidden))?;
+    }
+    for &(time, state) in states {
+        let mut seen = BitRow::zeros(1);
+        if state {
+            seen.set(0);
+        }
+        log.push_visit(time, seen, None)?;
+    }
+    Ok(log)
+}
+
+/// Step and samples, if at most half of a steady rate's samples are missing.
+fn uniform(states: &[State]) -> Option<(Period, Vec<Option<bool>>)> {
+    let (first, last) = (states.first()?.0.as_us(), states.last()?.0.as_us());
+    let step = states
+        .windows(2)
+        .map(|w| w[1].0.as_us() - w[0].0.as_us())
+        .min()?;
+    let step = Period::from_us(step).ok()?;
+    let len = usize::try_from((last - first) / step.as_us()).ok()? + 1;
+    if len > 2 * states.len() {
+        return None;
+    }
+    let mut samples = vec![None; len];
+    for &(time, state) in states {
+        let since = time.as_us() - first;
+        if since % step.as_us() != 0 {
+            return None;
+        }
+        samples[(since / step.as_us()) as usize] = Some(state);
+    }
+    Some((step, samples))
+}

@@ -8,6 +8,7 @@
 mod build;
 mod check;
 mod config;
+mod generations;
 mod inspect;
 mod interrupt;
 mod live;
@@ -74,6 +75,9 @@ enum MapCommand {
     Build(build::BuildArgs),
     Inspect(inspect::InspectArgs),
     Verify(inspect::VerifyArgs),
+    Log(generations::LogArgs),
+    Rollback(generations::RollbackArgs),
+    Prune(generations::PruneArgs),
 }
 
 #[derive(Debug, Subcommand)]
@@ -144,6 +148,9 @@ impl Cli {
             Command::Map(MapCommand::Build(args)) => build::run(&args, &mut out),
             Command::Map(MapCommand::Inspect(args)) => inspect::inspect(&args, &mut out),
             Command::Map(MapCommand::Verify(args)) => inspect::verify(&args, &mut out),
+            Command::Map(MapCommand::Log(args)) => generations::log(&args, &mut out),
+            Command::Map(MapCommand::Rollback(args)) => generations::rollback(&args, &mut out),
+            Command::Map(MapCommand::Prune(args)) => generations::prune(&args, &mut out),
             Command::Localize(args) => localize::run(&args, &mut out),
             Command::Predict(args) => predict::run(&args, &mut out),
             Command::Dataset(DatasetCommand::Check(args)) => check::run(&args, &mut out),

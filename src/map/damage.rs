@@ -246,7 +246,7 @@ fn rows_changed_by_hand_are_named() {
             "DELETE FROM edge",
             "the rows are not those that were committed",
         ),
-        ("DELETE FROM place WHERE id = 1", "place 1 is missing"),
+        ("DELETE FROM place WHERE id = 1", "there is no place 1"),
         (
             "DELETE FROM generation WHERE number = 1",
             "generation 1 is missing",

@@ -734,10 +734,6 @@ impl Reading<'_> {
             if !faults.is_clean() {
                 return Ok(());
             }
-            let expected = state.last_place + 1;
-            if row.id != expected {
-                return Err(misfit(row, 0, format!("place {expected} is missing")));
-            }
             state.last_place = row.id;
             if !is_of_line {
                 return Ok(());

@@ -13,6 +13,7 @@ mod digest;
 mod format;
 mod identity;
 mod load;
+mod prune;
 mod store;
 mod types;
 mod verify;
@@ -21,7 +22,7 @@ pub use building::Summary;
 pub use digest::ContentDigest;
 pub use identity::{derived_uuid, features_digest, random_uuid};
 pub use load::{Fault, Generation};
-pub use store::Map;
+pub use store::{Map, Pruned};
 pub use types::{
     AppearanceUse, Edge, MapMeta, Node, NodeId, PlaceKey, SessionId, Snapshot, Visit, VisitId,
 };

@@ -1211,3 +1211,58 @@ fn methods_that_need_what_was_not_kept_say_so() {
         &["psychic", "fremen"],
     );
 }
+
+#[test]
+fn a_map_is_rolled_back_and_pruned() {
+    let fixture = Fixture::with_map();
+    let numbers = |ran: &Ran| -> Vec<u64> {
+        let number = |line: &Value| line["number"].as_u64().expect("a number");
+        ran.lines().iter().map(number).collect()
+    };
+    let logged = fixture.run(&["map", "log", "street.map", "--json"]);
+    assert_eq!(logged.code, 0, "{logged:?}");
+    let before = numbers(&logged);
+    let newest = before.last().copied().expect("some");
+    let visits: i64 = (logged.lines().iter())
+        .map(|line| line["added_visits"].as_i64().expect("a number"))
+        .sum();
+    assert_eq!(visits, (NUM_VISITS as usize * NUM_PLACES) as i64);
+    let digest = |fixture: &Fixture| {
+        fixture
+            .run(&["map", "inspect", "street.map", "--json"])
+            .lines()[0]["digest"]
+            .clone()
+    };
+    let whole = digest(&fixture);
+    let back = fixture.run(&["map", "rollback", "street.map", "--to", "0"]);
+    assert_eq!(back.code, 0, "{back:?}");
+    assert!(back.stdout.contains("0 places"), "{back:?}");
+    assert_ne!(digest(&fixture), whole);
+    let shown = fixture.run(&["map", "log", "street.map"]);
+    assert!(shown.stdout.contains("back to generation 0"), "{shown:?}");
+    assert!(shown.stdout.contains("(rolled back)"), "{shown:?}");
+    let to = newest.to_string();
+    let forward = fixture.run(&["map", "rollback", "street.map", "--to", &to]);
+    assert_eq!(forward.code, 0, "{forward:?}");
+    assert_eq!(digest(&fixture), whole);
+    let kept = fixture.run(&[
+        "map",
+        "prune",
+        "street.map",
+        "--keep-last",
+        "1",
+        "--dry-run",
+    ]);
+    assert_eq!(kept.code, 0, "{kept:?}");
+    assert!(kept.stdout.contains("may go"), "{kept:?}");
+    let pruned = fixture.run(&["map", "prune", "street.map", "--keep-last", "1"]);
+    assert_eq!(pruned.code, 0, "{pruned:?}");
+    let left = numbers(&fixture.run(&["map", "log", "street.map", "--json"]));
+    assert_eq!(left, [0, newest + 2]);
+    assert_eq!(digest(&fixture), whole);
+    fixture.fails(
+        &["map", "rollback", "street.map", "--to", "999"],
+        &["street.map", "no generation 999", "map log"],
+    );
+    fixture.fails(&["map", "prune", "street.map"], &["--keep-last"]);
+}

@@ -4,6 +4,7 @@
     reason = "these functions all belong to tests, which clippy cannot see here"
 )]
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -234,6 +235,7 @@ proptest! {
     #[test]
     fn every_generation_can_be_returned_to_and_nothing_is_lost(
         steps in proptest::collection::vec((step(), proptest::option::of(0..100_u64)), 1..12),
+        keep in any::<u64>(),
     ) {
         let (_folder, path) = folder();
         let map = Map::create(&path, meta()).expect("new");
@@ -267,6 +269,31 @@ proptest! {
         for (generation, past) in generations.iter().zip(&known) {
             prop_assert_eq!(generation.digest, past.digest());
         }
+        let report = Map::verify(&path).expect("is a map");
+        prop_assert!(report.is_clean(), "{:?}", report.faults);
+        // What is kept stays what it was, for those who have the file open, too.
+        let keep = known.iter().map(|it| it.generation).filter(|it| keep >> it & 1 == 1);
+        let keep: BTreeSet<u64> = keep.collect();
+        let pruned = reopened.prune(&keep).expect("sound");
+        let left = reopened.generations().expect("readable");
+        prop_assert_eq!(left.len() + pruned.num_dropped, known.len());
+        prop_assert!(keep.iter().all(|number| left.iter().any(|it| it.number == *number)));
+        for it in &left {
+            prop_assert_eq!(&reader.at(it.number).expect("kept"), &known[it.number as usize]);
+        }
+        prop_assert_eq!(reader.refresh().expect("sound"), map.snapshot());
+        prop_assert_eq!(Map::open(&path).expect("is a map").snapshot(), map.snapshot());
+        let report = Map::verify(&path).expect("is a map");
+        prop_assert!(report.is_clean(), "{:?}", report.faults);
+        let mut snapshot = Snapshot::clone(&map.snapshot());
+        take(&mut snapshot, 999, &Step::Zone(map.snapshot().meta.zone.is_none()));
+        if pruned.num_dropped > 0 {
+            let error = map.commit(&snapshot).expect_err("not refreshed").to_string();
+            prop_assert!(error.contains("pruned"), "{}", error);
+        }
+        map.refresh().expect("sound");
+        map.commit(&snapshot).expect("extends");
+        prop_assert_eq!(reader.refresh().expect("sound"), map.snapshot());
         let report = Map::verify(&path).expect("is a map");
         prop_assert!(report.is_clean(), "{:?}", report.faults);
     }
@@ -908,6 +935,42 @@ fn replacing_writes_what_a_commit_refuses_and_keeps_the_past() {
     new.meta.uuid = 1;
     let error = map.replace(&new).expect_err("another map").to_string();
     assert!(error.contains("uuid"), "{error}");
+    assert!(Map::verify(&path).expect("a map").is_clean());
+}
+
+#[test]
+fn pruning_a_branch_away_makes_the_file_smaller() {
+    let (_folder, path) = folder();
+    let (map, snapshot) = small(&path);
+    let mut large = snapshot.clone();
+    large
+        .attachments
+        .insert("large".into(), vec![7; 1 << 20].into());
+    map.commit(&large).expect("extends");
+    map.rollback(1).expect("there");
+    let pruned = map.prune(&BTreeSet::new()).expect("sound");
+    assert_eq!(pruned.num_dropped, 2);
+    assert!(pruned.num_bytes_before > 1 << 20);
+    assert!(pruned.num_bytes_after < 1 << 17, "{pruned:?}");
+    assert!(same(&map.snapshot(), &snapshot));
+    let generations = map.generations().expect("readable");
+    let left: Vec<_> = generations
+        .iter()
+        .map(|it| (it.number, it.parent))
+        .collect();
+    assert_eq!(left, [(0, None), (3, Some(0))]);
+    assert_eq!(
+        map.prune(&BTreeSet::new())
+            .expect("nothing to do")
+            .num_dropped,
+        0
+    );
+    let error = map
+        .prune(&BTreeSet::from([2]))
+        .expect_err("gone")
+        .to_string();
+    assert!(error.contains("no generation 2"), "{error}");
+    assert!(map.rollback(1).is_err());
     assert!(Map::verify(&path).expect("a map").is_clean());
 }
 

@@ -73,6 +73,7 @@ Examples:
   chronotope map verify street.map")]
 enum MapCommand {
     Build(build::BuildArgs),
+    Update(build::UpdateArgs),
     Inspect(inspect::InspectArgs),
     Verify(inspect::VerifyArgs),
     Log(generations::LogArgs),
@@ -146,6 +147,7 @@ impl Cli {
         let mut out = Output::stdout();
         match self.command {
             Command::Map(MapCommand::Build(args)) => build::run(&args, &mut out),
+            Command::Map(MapCommand::Update(args)) => build::update(&args, &mut out),
             Command::Map(MapCommand::Inspect(args)) => inspect::inspect(&args, &mut out),
             Command::Map(MapCommand::Verify(args)) => inspect::verify(&args, &mut out),
             Command::Map(MapCommand::Log(args)) => generations::log(&args, &mut out),

@@ -1266,3 +1266,74 @@ fn a_map_is_rolled_back_and_pruned() {
     );
     fixture.fails(&["map", "prune", "street.map"], &["--keep-last"]);
 }
+
+/// The dataset without the images of visits from `visit` on.
+fn shorten(fixture: &Fixture, visit: i64) -> String {
+    let whole = fixture.index();
+    let short: String = (whole.lines())
+        .take(1 + visit as usize * NUM_PLACES)
+        .flat_map(|line| [line, "\n"])
+        .collect();
+    fixture.write("data/index.csv", short);
+    whole
+}
+
+#[test]
+fn an_update_ends_where_a_build_of_everything_does() {
+    for preset in ["default", "lttl"] {
+        let fixture = Fixture::new();
+        let build = |out: &str| {
+            let args = [
+                "map", "build", "--data", "data", "--out", out, "--preset", preset,
+            ];
+            let built = fixture.run(&args);
+            assert_eq!(built.code, 0, "{built:?}");
+        };
+        let whole_index = shorten(&fixture, 4);
+        build("grown.map");
+        fixture.write("data/index.csv", whole_index);
+        build("whole.map");
+        let update = || fixture.run(&["map", "update", "grown.map", "--data", "data"]);
+        let updated = update();
+        assert_eq!(updated.code, 0, "{updated:?}");
+        assert!(updated.stdout.contains("(8 learnt now)"), "{updated:?}");
+        assert!(updated.stderr.contains("16 of 24 visits"), "{updated:?}");
+        let open = |name| Map::open(fixture.path(name)).expect("a map").snapshot();
+        let (grown, whole) = (open("grown.map"), open("whole.map"));
+        assert_eq!(grown.nodes, whole.nodes, "{preset}");
+        assert_eq!(grown.edges, whole.edges);
+        // Nothing is left to learn.
+        let again = update();
+        assert_eq!(again.code, 0, "{again:?}");
+        assert!(again.stdout.contains("(0 learnt now)"), "{again:?}");
+        assert_eq!(open("grown.map").generation, grown.generation);
+        let back = fixture.run(&["map", "rollback", "grown.map", "--to", "1"]);
+        assert_eq!(back.code, 0, "{back:?}");
+        assert!(open("grown.map").summary().num_visits <= 16);
+        assert!(fixture.run(&["map", "verify", "grown.map"]).code == 0);
+    }
+}
+
+#[test]
+fn an_update_of_what_is_no_map_or_has_other_images_changes_nothing() {
+    let fixture = Fixture::with_map();
+    fixture.fails(
+        &["map", "update", "missing.map", "--data", "data"],
+        &["missing.map", "map build"],
+    );
+    fixture.fails(&["map", "update", "data", "--data", "data"], &["folder"]);
+    // Images of another size are problems, one by one.
+    let before = fs::read(fixture.path("street.map")).expect("there");
+    fs::create_dir_all(fixture.path("other")).expect("writable");
+    let small = encoded(&image::GrayImage::new(64, 48));
+    fixture.write("other/a.png", small);
+    fixture.write(
+        "other/index.csv",
+        "place,time,path\nplace-00,2024-01-01T00:00:00Z,a.png\n",
+    );
+    let ran = fixture.run(&["map", "update", "street.map", "--data", "other"]);
+    assert_eq!(ran.code, 0, "{ran:?}");
+    assert!(ran.stderr.contains("1 problem"), "{ran:?}");
+    assert!(ran.stderr.contains("64 x 48 px"), "{ran:?}");
+    assert_eq!(fs::read(fixture.path("street.map")).expect("there"), before);
+}

@@ -10,7 +10,6 @@
 //! An update learns into the map itself: each commit is a generation that can be returned to.
 
 use std::collections::HashSet;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -20,6 +19,7 @@ use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 
 use super::config::Config;
+use super::new_map::{finish, part_of, refuse_existing};
 use super::output::Output;
 use super::progress::Progress;
 use super::{ConfigArgs, Outcome, interrupt, named, preset_of};
@@ -403,13 +403,7 @@ impl Build {
         let Some(part) = &self.part else {
             return Ok(self.map.snapshot());
         };
-        refuse_existing(&self.out)?;
-        let io = |cause: std::io::Error| Error::io(&self.out, &cause);
-        std::fs::rename(part, &self.out).map_err(io)?;
-        if let Some(folder) = folder_of(&self.out) {
-            // The name survives a power loss; where folders cannot be synced, nothing is lost either.
-            let _ = File::open(folder).and_then(|folder| folder.sync_all());
-        }
+        finish(part, &self.out)?;
         Ok(self.map.snapshot())
     }
 
@@ -471,33 +465,6 @@ impl Build {
             count => eprintln!("{count} problems: the above were left out"),
         }
     }
-}
-
-fn refuse_existing(map: &Path) -> Result<()> {
-    if std::fs::symlink_metadata(map).is_err() {
-        return Ok(());
-    }
-    Err(Error::new(ErrorKind::Io, "this file exists already")
-        .with_path(map)
-        .with_help("a map is never overwritten: choose another name or remove it")
-        .into())
-}
-
-/// Where the map is kept while it is not finished.
-fn part_of(map: &Path) -> PathBuf {
-    let mut name = map.as_os_str().to_owned();
-    name.push(".part");
-    name.into()
-}
-
-fn folder_of(path: &Path) -> Option<&Path> {
-    path.parent().map(|folder| {
-        if folder.as_os_str().is_empty() {
-            Path::new(".")
-        } else {
-            folder
-        }
-    })
 }
 
 /// The part of an interrupted build like this one, or a new one.

@@ -8,11 +8,14 @@
 mod build;
 mod check;
 mod config;
+mod exchange;
 mod generations;
 mod inspect;
 mod interrupt;
 mod live;
 mod localize;
+mod merge;
+mod new_map;
 mod output;
 mod pictures;
 mod predict;
@@ -76,6 +79,9 @@ enum MapCommand {
     Update(build::UpdateArgs),
     Inspect(inspect::InspectArgs),
     Verify(inspect::VerifyArgs),
+    Merge(merge::MergeArgs),
+    Export(exchange::ExportArgs),
+    Import(exchange::ImportArgs),
     Log(generations::LogArgs),
     Rollback(generations::RollbackArgs),
     Prune(generations::PruneArgs),
@@ -150,6 +156,9 @@ impl Cli {
             Command::Map(MapCommand::Update(args)) => build::update(&args, &mut out),
             Command::Map(MapCommand::Inspect(args)) => inspect::inspect(&args, &mut out),
             Command::Map(MapCommand::Verify(args)) => inspect::verify(&args, &mut out),
+            Command::Map(MapCommand::Merge(args)) => merge::run(&args, &mut out),
+            Command::Map(MapCommand::Export(args)) => exchange::export(&args, &mut out),
+            Command::Map(MapCommand::Import(args)) => exchange::import(&args, &mut out),
             Command::Map(MapCommand::Log(args)) => generations::log(&args, &mut out),
             Command::Map(MapCommand::Rollback(args)) => generations::rollback(&args, &mut out),
             Command::Map(MapCommand::Prune(args)) => generations::prune(&args, &mut out),

@@ -1337,3 +1337,106 @@ fn an_update_of_what_is_no_map_or_has_other_images_changes_nothing() {
     assert!(ran.stderr.contains("64 x 48 px"), "{ran:?}");
     assert_eq!(fs::read(fixture.path("street.map")).expect("there"), before);
 }
+
+#[test]
+fn maps_of_two_halves_merge_into_one() {
+    let fixture = Fixture::new();
+    let whole_index = fixture.index();
+    let (head, visits) = whole_index.split_once('\n').expect("a header");
+    let visits: Vec<&str> = visits.lines().collect();
+    for (name, rows) in [("early", 0..16), ("late", 8..24)] {
+        let index: String = std::iter::once(&head)
+            .chain(&visits[rows])
+            .flat_map(|line| [*line, "\n"])
+            .collect();
+        fixture.write("data/index.csv", index);
+        let out = format!("{name}.map");
+        let built = fixture.run(&["map", "build", "--data", "data", "--out", &out]);
+        assert_eq!(built.code, 0, "{built:?}");
+    }
+    let merged = fixture.run(&["map", "merge", "early.map", "late.map", "--out", "ab.map"]);
+    assert_eq!(merged.code, 0, "{merged:?}");
+    assert!(
+        merged.stdout.contains("24 visits (8 were in more"),
+        "{merged:?}"
+    );
+    let merged = fixture.run(&["map", "merge", "late.map", "early.map", "--out", "ba.map"]);
+    assert_eq!(merged.code, 0, "{merged:?}");
+    let open = |name| Map::open(fixture.path(name)).expect("a map").snapshot();
+    assert_eq!(open("ab.map").digest(), open("ba.map").digest());
+    assert!(fixture.run(&["map", "verify", "ab.map"]).code == 0);
+    assert!(!fixture.path("ab.map.part").exists());
+    let again = ["map", "merge", "early.map", "late.map", "--out", "ab.map"];
+    fixture.fails(&again, &["ab.map", "never overwritten"]);
+    fixture.fails(
+        &[
+            "map",
+            "merge",
+            "early.map",
+            "late.map",
+            "--out",
+            "c.map",
+            "--relearn",
+        ],
+        &["--keep-appearances all"],
+    );
+}
+
+#[test]
+fn a_map_goes_out_as_plain_files_and_comes_back() {
+    let fixture = Fixture::with_map();
+    let exported = fixture.run(&["map", "export", "street.map", "street"]);
+    assert_eq!(exported.code, 0, "{exported:?}");
+    let imported = fixture.run(&["map", "import", "street", "--out", "again.map"]);
+    assert_eq!(imported.code, 0, "{imported:?}");
+    let open = |name| Map::open(fixture.path(name)).expect("a map").snapshot();
+    assert_eq!(open("again.map").digest(), open("street.map").digest());
+    let to = ["map", "export", "street.map", "street"];
+    fixture.fails(&to, &["street", "not empty"]);
+    let to = ["map", "import", "street", "--out", "again.map"];
+    fixture.fails(&to, &["again.map", "never overwritten"]);
+    // Two maps that say the same become the same files.
+    for (map, folder) in [("street.map", "a"), ("again.map", "b")] {
+        let exported = fixture.run(&["map", "export", map, folder, "--canonical"]);
+        assert_eq!(exported.code, 0, "{exported:?}");
+    }
+    for name in ["visits.csv", "keypoints.npy", "seen.npy"] {
+        let read = |folder: &str| fs::read(fixture.path(folder).join(name)).expect("written");
+        assert_eq!(read("a"), read("b"), "{name}");
+    }
+}
+
+#[test]
+fn places_of_the_reference_benchmark_become_a_map() {
+    let fixture = Fixture::new();
+    let yaml = include_str!("../data/file_storage/place_0.yaml");
+    fixture.write("place_0.yaml", yaml);
+    fixture.write("place_1.yaml", yaml.replace("[ 1, 0, 1", "[ 0, 0, 1"));
+    let args = [
+        "map",
+        "import",
+        "place_0.yaml",
+        "place_1.yaml",
+        "--out",
+        "park.map",
+    ];
+    let imported = fixture.run(&args);
+    assert_eq!(imported.code, 0, "{imported:?}");
+    assert!(
+        imported.stdout.contains("2 places, 8 visits, 6 features"),
+        "{imported:?}"
+    );
+    let predicted = fixture.run(&[
+        "predict",
+        "park.map",
+        "--time",
+        "1970-01-01T00:30:00Z",
+        "--node",
+        "place_1",
+    ]);
+    assert_eq!(predicted.code, 0, "{predicted:?}");
+    fixture.write("odd.yaml", yaml.replace("cols: 32", "cols: 31"));
+    let args = ["map", "import", "odd.yaml", "--out", "odd.map"];
+    fixture.fails(&args, &["odd.yaml", "line "]);
+    assert!(!fixture.path("odd.map").exists());
+}

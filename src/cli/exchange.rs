@@ -37,8 +37,8 @@ pub(super) struct ExportArgs {
 
 /// Make a map of a folder that `map export` has written, or of maps of the FreMEn authors' benchmark.
 ///
-/// Those are YAML files of OpenCV's FileStorage, one a place; the name of the file becomes that of the
-/// place. Their times are taken for seconds since 1970. They hold no images' own features, so the
+/// Those are YAML files of OpenCV's `FileStorage`, one a place; the name of the file becomes that of
+/// the place. Their times are taken for seconds since 1970. They hold no images' own features, so the
 /// experience methods cannot be used with such a map.
 #[derive(Debug, Args)]
 #[command(after_help = "\

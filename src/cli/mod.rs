@@ -20,6 +20,7 @@ mod output;
 mod pictures;
 mod predict;
 mod progress;
+mod student;
 mod trace;
 
 use std::io::IsTerminal;

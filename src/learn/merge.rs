@@ -197,7 +197,7 @@ fn merge_meta(meta: &mut MapMeta, other: &MapMeta, conflicts: &mut Vec<String>) 
 #[derive(Default)]
 struct Place {
     pose: Option<[f64; 3]>,
-    visits: BTreeMap<(Time, VisitId), Seen>,
+    visits: BTreeMap<(Time, VisitId), Account>,
     /// The time of each visit, to notice a second one.
     times: BTreeMap<VisitId, Time>,
     /// Position of each feature in the rows of bits.
@@ -205,7 +205,7 @@ struct Place {
 }
 
 /// The statements about one visit.
-struct Seen {
+struct Account {
     visit: Visit,
     /// Features that were seen.
     seen: Columns,
@@ -304,7 +304,7 @@ impl Place {
             let entry = self
                 .visits
                 .entry((visit.time, visit.id))
-                .or_insert_with(|| Seen {
+                .or_insert_with(|| Account {
                     visit: visit.clone(),
                     seen: Columns::default(),
                     known: Columns::default(),

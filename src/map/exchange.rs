@@ -401,17 +401,17 @@ impl Pending<'_> {
 /// A one-dimensional array that is read from its start.
 struct Cells<'a> {
     path: &'a Path,
-    cells: &'a [u8],
+    numbers: &'a [u8],
     valid: &'static [u8],
     wanted: &'static str,
     num_taken: usize,
 }
 
 impl<'a> Cells<'a> {
-    fn new(path: &'a Path, cells: &'a [u8], valid: &'static [u8], wanted: &'static str) -> Self {
+    fn new(path: &'a Path, numbers: &'a [u8], valid: &'static [u8], wanted: &'static str) -> Self {
         Self {
             path,
-            cells,
+            numbers,
             valid,
             wanted,
             num_taken: 0,
@@ -427,7 +427,7 @@ impl<'a> Cells<'a> {
     /// The next `len` cells: which are 1, and which are -1.
     fn take(&mut self, len: usize) -> Result<(BitRow, BitRow)> {
         let start = self.num_taken;
-        let cells = self.cells[start..].get(..len);
+        let cells = self.numbers[start..].get(..len);
         let Some(cells) = cells.filter(|_| len <= MAX_FEATURES) else {
             let message = format!("{len} more rows are expected than there are");
             return Err(self.error(start, message));
@@ -449,7 +449,7 @@ impl<'a> Cells<'a> {
     }
 
     fn must_be_empty(&self) -> Result<()> {
-        match self.cells.len() - self.num_taken {
+        match self.numbers.len() - self.num_taken {
             0 => Ok(()),
             rest => Err(self.error(self.num_taken, format!("{rest} rows belong to nothing"))),
         }

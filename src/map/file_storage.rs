@@ -48,9 +48,8 @@ pub fn read_file_storage(path: impl AsRef<Path>) -> Result<FileStorageMap> {
 /// [`read_file_storage`] of what is in memory.
 pub(super) fn parse(text: &[u8]) -> Result<FileStorageMap> {
     let text = std::str::from_utf8(text).map_err(|error| {
-        let before = &text[..error.valid_up_to()];
-        let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
-        format_error("this is no UTF-8", line)
+        let before = text[..error.valid_up_to()].split(|&byte| byte == b'\n');
+        format_error("this is no UTF-8", before.count())
     })?;
     if !text.starts_with("%YAML") {
         return Err(format_error("`%YAML` is expected", 1)

@@ -1440,3 +1440,44 @@ fn places_of_the_reference_benchmark_become_a_map() {
     fixture.fails(&args, &["odd.yaml", "line "]);
     assert!(!fixture.path("odd.map").exists());
 }
+
+#[test]
+fn what_is_located_is_learnt_only_if_that_is_asked_for() {
+    let fixture = Fixture::with_map();
+    let visits = || {
+        let map = Map::open(fixture.path("street.map")).expect("a map");
+        map.snapshot().summary().num_visits
+    };
+    let (before, num_before) = (
+        fs::read(fixture.path("street.map")).expect("there"),
+        visits(),
+    );
+    let log = fixture.run(&["map", "log", "street.map", "--json"]);
+    let to = log.lines().last().expect("some")["number"].to_string();
+    let localize = |more: &[&str]| {
+        let images = ["query0.png", "query1.png", "query2.png", "query3.png"];
+        let args = [
+            &["localize", "street.map", "--time", QUERY_TIME],
+            &images[..],
+            more,
+        ]
+        .concat();
+        let ran = fixture.run(&args);
+        assert_eq!(ran.code, 0, "{ran:?}");
+        ran
+    };
+    localize(&[]);
+    assert_eq!(fs::read(fixture.path("street.map")).expect("there"), before);
+    let ran = localize(&["--learn"]);
+    assert!(ran.stderr.contains("learnt: 4 visits"), "{ran:?}");
+    assert_eq!(visits(), num_before + 4);
+    // The same images are the same visits.
+    let ran = localize(&["--learn"]);
+    assert!(ran.stderr.contains("learnt this visit"), "{ran:?}");
+    assert!(ran.stderr.contains("learnt: 0 visits"), "{ran:?}");
+    assert_eq!(visits(), num_before + 4);
+    let back = fixture.run(&["map", "rollback", "street.map", "--to", &to]);
+    assert_eq!(back.code, 0, "{back:?}");
+    assert_eq!(visits(), num_before);
+    assert!(fixture.run(&["map", "verify", "street.map"]).code == 0);
+}

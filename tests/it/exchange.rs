@@ -85,8 +85,8 @@ fn what_is_wrong_with_an_exported_folder_is_named() {
         ("places.csv", "12.5", "east", "line 4, column x"),
         (
             "visits.csv",
-            "experience",
-            "lesson",
+            ",experience,",
+            ",lesson,",
             "line 2, column appearance_use",
         ),
         ("visits.csv", "door,", "door,x", "line 2, column visit"),

@@ -618,7 +618,7 @@ fn a_killed_writer_loses_nothing_it_acknowledged() {
     use std::io::{BufRead, BufReader, Write};
 
     const FILE: &str = "CHRONOTOPE_TEST_KILLED_WRITER";
-    const ROUNDS: u64 = 12;
+    const ROUNDS: u64 = 24;
     if let Some(path) = std::env::var_os(FILE) {
         // Started again below: commits until it is killed.
         let map = Map::open(path).expect("sound");
@@ -646,6 +646,13 @@ fn a_killed_writer_loses_nothing_it_acknowledged() {
         let mut lines = output.lines().map_while(Result::ok);
         let acknowledged = |line: String| line.strip_prefix("committed ")?.parse::<u64>().ok();
         let mut last = lines.by_ref().find_map(acknowledged).expect("one commit");
+        // Another process reads meanwhile: no error, and nothing older than what was acknowledged.
+        let reader = Map::open_read_only(&path).expect("sound");
+        assert!(reader.snapshot().generation >= last);
+        for _ in 0..round % 4 {
+            last = lines.by_ref().find_map(acknowledged).expect("one more");
+            assert!(reader.refresh().expect("sound").generation >= last);
+        }
         std::thread::sleep(std::time::Duration::from_micros(round * 377 % 3001));
         writer.kill().expect("runs");
         writer.wait().expect("ours");
@@ -660,6 +667,55 @@ fn a_killed_writer_loses_nothing_it_acknowledged() {
         known.generation = found.generation;
         assert_eq!(*found, known);
         assert!(Map::verify(&path).expect("a map").is_clean());
+    }
+}
+
+#[test]
+fn a_killed_prune_or_rollback_leaves_the_map_whole() {
+    use std::io::{BufRead, BufReader, Write};
+
+    const FILE: &str = "CHRONOTOPE_TEST_KILLED_PRUNE";
+    if let Some(path) = std::env::var_os(FILE) {
+        // Started again below: branches and prunes until it is killed.
+        let map = Map::open(path).expect("sound");
+        loop {
+            let whole = map.snapshot().generation;
+            map.rollback(0).expect("there");
+            map.rollback(whole).expect("there");
+            map.prune(&BTreeSet::new()).expect("sound");
+            writeln!(std::io::stdout(), "pruned").expect("heard");
+        }
+    }
+    let (_folder, path) = folder();
+    let (map, snapshot) = small(&path);
+    drop(map);
+    for round in 0..12_u64 {
+        let mut writer = std::process::Command::new(std::env::current_exe().expect("running"))
+            .args([
+                "--exact",
+                "map::a_killed_prune_or_rollback_leaves_the_map_whole",
+            ])
+            .arg("--nocapture")
+            .env(FILE, &path)
+            .stdout(std::process::Stdio::piped())
+            .spawn()
+            .expect("can be started");
+        let output = BufReader::new(writer.stdout.take().expect("piped"));
+        let mut lines = output.lines().map_while(Result::ok);
+        assert!(lines.by_ref().any(|line| line == "pruned"));
+        std::thread::sleep(std::time::Duration::from_micros(round * 911 % 4001));
+        writer.kill().expect("runs");
+        writer.wait().expect("ours");
+        let map = Map::open(&path).expect("sound");
+        // Between the two rollbacks the map is empty, and its past is there.
+        if map.snapshot().nodes.is_empty() {
+            let generations = map.generations().expect("readable");
+            let whole = generations.iter().rev().find(|it| it.num_visits > 0);
+            map.rollback(whole.expect("kept").number).expect("there");
+        }
+        assert!(same(&map.snapshot(), &snapshot));
+        let report = Map::verify(&path).expect("a map");
+        assert!(report.is_clean(), "{:?}", report.faults);
     }
 }
 

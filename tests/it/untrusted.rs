@@ -8,6 +8,9 @@ use std::path::{Path, PathBuf};
 use chronotope::dataset::Dataset;
 use chronotope::map::{Map, MapMeta, Snapshot, read_file_storage};
 
+/// Takes bytes from anywhere and must come back.
+type Target = fn(&[u8]);
+
 /// The files of an exported map, as the first byte of an input of [`exported_folder`] numbers them.
 const EXPORTED: [&str; 11] = [
     "map.csv",
@@ -94,7 +97,7 @@ pub(crate) fn file_storage(bytes: &[u8]) {
 
 #[test]
 fn inputs_that_were_once_worth_keeping_do_no_harm() {
-    let targets: [(&str, fn(&[u8])); 4] = [
+    let targets: [(&str, Target); 4] = [
         ("map_file", map_file),
         ("index_csv", index_csv),
         ("exported_folder", exported_folder),
@@ -114,16 +117,16 @@ fn inputs_that_were_once_worth_keeping_do_no_harm() {
     }
 }
 
-/// Every byte of small inputs changed a little, which finds most of what a short run of a fuzzer does.
+/// Bytes of small inputs changed a little, which finds most of what a short run of a fuzzer does.
 #[test]
 fn small_changes_of_good_inputs_do_no_harm() {
     let yaml = std::fs::read(repository("tests/data/file_storage/place_0.yaml")).expect("there");
     let index = b"place,time,path\ndoor,2024-01-01T00:00:00Z,a.png\n\"x\",2024-01-02T00:00:00Z,b\n";
-    let targets: [(fn(&[u8]), &[u8]); 2] = [(index_csv, index), (file_storage, &yaml)];
+    let targets: [(Target, &[u8]); 2] = [(index_csv, index), (file_storage, &yaml)];
     for (target, good) in targets {
         target(good);
-        for at in 0..good.len() {
-            for byte in [0, b'\n', b'"', b',', b']', b'9', b'-', 0x80, 0xff, good[at] ^ 1] {
+        for at in (0..good.len()).step_by(1 + good.len() / 400) {
+            for byte in [0, b'\n', b'"', b']', b'-', 0xff, good[at] ^ 1] {
                 let mut changed = good.to_vec();
                 changed[at] = byte;
                 target(&changed);

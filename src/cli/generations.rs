@@ -110,6 +110,8 @@ pub(super) fn log(args: &LogArgs, out: &mut Output) -> Result<Outcome> {
             Some(0) if it.number > 1 => {
                 format!("written anew: {places} places, {visits} visits, {features} features")
             }
+            // Poses, edges, attachments, preset and zone are not counted.
+            Some(_) if (places, visits, features) == (0, 0, 0) => "no visits, other changes".into(),
             Some(_) => format!("{places:+} places, {visits:+} visits, {features:+} features"),
         };
         out.line(format_args!(

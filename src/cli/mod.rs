@@ -59,7 +59,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Build maps and look into them.
+    /// Build maps, look into them, keep them.
     #[command(subcommand)]
     Map(MapCommand),
     Localize(localize::LocalizeArgs),
@@ -73,8 +73,11 @@ enum Command {
 #[command(after_help = "\
 Examples:
   chronotope map build --data photos/ --out street.map
+  chronotope map update street.map --data june/
   chronotope map inspect street.map
-  chronotope map verify street.map")]
+  chronotope map verify street.map
+  chronotope map log street.map
+  chronotope map merge street.map park.map --out town.map")]
 enum MapCommand {
     Build(build::BuildArgs),
     Update(build::UpdateArgs),

@@ -1,4 +1,4 @@
-//! How does a folder of images become a map?
+//! How does a folder of images become a map, or more of a map?
 //!
 //! Visits are learnt in order of time into `MAP.part`, and committed every few seconds. Only the
 //! finished map gets the name MAP, so what bears it is whole. The same command goes on where an
@@ -6,9 +6,10 @@
 //! part of another build is refused, and visits it holds (same session, place, time and source) are
 //! not read again. The reference recipe (preset `lttl`) can write its log only once all images are
 //! known: it commits once, at the end, and starts again if it is interrupted.
+//!
+//! An update learns into the map itself: each commit is a generation that can be returned to.
 
 use std::collections::HashSet;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -18,9 +19,10 @@ use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 
 use super::config::Config;
+use super::new_map::{finish, part_of, refuse_existing};
 use super::output::Output;
 use super::progress::Progress;
-use super::{ConfigArgs, Outcome, interrupt, named};
+use super::{ConfigArgs, Outcome, interrupt, named, preset_of};
 use crate::dataset::{Clock, Dataset, Entry, Manifest, Problem};
 use crate::error::{Error, ErrorKind};
 use crate::feature::{Extractor, ExtractorConfig, Features, GrayImage, StarBriefConfig};
@@ -70,6 +72,31 @@ pub(super) struct BuildArgs {
     keep_appearances: Option<Keep>,
 }
 
+/// Learn more images of known places and times into a map.
+///
+/// Visits that the map has already (same dataset, place, time and image) are not read again, so the
+/// same command can be repeated. Every few seconds what was learnt is committed as a generation, and
+/// `map rollback` returns to any of them. With the reference recipe (preset `lttl`) all of the map is
+/// written anew, once, at the end. Give the numbers that the map was built with.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  chronotope map update street.map --data june/
+  chronotope map update street.map --data june/ --config numbers.toml")]
+pub(super) struct UpdateArgs {
+    /// The map file.
+    map: PathBuf,
+    /// A folder with an index.csv (or in a known layout), or a manifest (*.toml).
+    #[arg(long, value_name = "DIR|MANIFEST")]
+    data: PathBuf,
+    /// TOML with the table [learn]; a key that is given replaces that of the map's preset.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Which visits keep their own features, for the experience methods (of the preset if not given).
+    #[arg(long, value_name = "WHICH")]
+    keep_appearances: Option<Keep>,
+}
+
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Keep {
     None,
@@ -100,6 +127,30 @@ pub(super) fn run(args: &BuildArgs, out: &mut Output) -> Result<Outcome> {
         anyhow::bail!("--data and --out are missing");
     };
     refuse_existing(map)?;
+    let (manifest, dataset) = open_dataset(data)?;
+    interrupt::watch()?;
+    Build::new(args.preset, config.learn, &manifest, dataset, map)?.run(out)
+}
+
+pub(super) fn update(args: &UpdateArgs, out: &mut Output) -> Result<Outcome> {
+    let map = Map::open(&args.map)?;
+    if map.is_read_only() {
+        return Err(Error::new(ErrorKind::Io, "this map may not be written")
+            .with_path(&args.map)
+            .with_help("change the rights or copy it")
+            .into());
+    }
+    let preset = preset_of(&map.snapshot().meta);
+    let mut config = Config::read(args.config.as_deref(), preset)?;
+    if let Some(keep) = args.keep_appearances {
+        config.learn = config.learn.with_keep_appearances(keep.into());
+    }
+    let (_, dataset) = open_dataset(&args.data)?;
+    interrupt::watch()?;
+    Build::onto(map, config.learn, dataset)?.run(out)
+}
+
+fn open_dataset(data: &Path) -> Result<(Manifest, Dataset)> {
     let (manifest, data_dir) = Manifest::locate(data)?;
     let dataset = Dataset::open_with(&manifest, &data_dir)?;
     if dataset.clock == Clock::None {
@@ -109,8 +160,7 @@ pub(super) fn run(args: &BuildArgs, out: &mut Output) -> Result<Outcome> {
             dataset.name
         );
     }
-    interrupt::watch()?;
-    Build::new(args.preset, config.learn, &manifest, dataset, map)?.run(out)
+    Ok((manifest, dataset))
 }
 
 /// A build that is under way.
@@ -120,8 +170,10 @@ struct Build {
     extractor: Box<dyn Extractor>,
     learner: Learner,
     map: Map,
+    /// The map's name once it is finished.
     out: PathBuf,
-    part: PathBuf,
+    /// Its name until then, if that is another.
+    part: Option<PathBuf>,
     problems: Vec<Problem>,
     num_learnt: usize,
 }
@@ -137,7 +189,7 @@ impl Build {
         preset: Preset,
         cfg: LearnConfig,
         manifest: &Manifest,
-        mut dataset: Dataset,
+        dataset: Dataset,
         out: &Path,
     ) -> Result<Self> {
         let extractor = ExtractorConfig::StarBrief(
@@ -158,17 +210,39 @@ impl Build {
             ..MapMeta::new(derived_uuid(&seed), extractor.id(), preset.name())
         };
         let map = open_part(&part, meta)?;
+        let build = Self::with(map, extractor, cfg, dataset);
         Ok(Self {
+            out: out.to_owned(),
+            part: Some(part),
+            ..build
+        })
+    }
+
+    /// An update of a finished map.
+    fn onto(map: Map, cfg: LearnConfig, dataset: Dataset) -> Result<Self> {
+        let extractor = ExtractorConfig::from_id(&map.snapshot().meta.extractor)
+            .and_then(|extractor| extractor.build())
+            .map_err(|error| error.with_path(map.path()).with_place("extractor"))?;
+        Ok(Self::with(map, extractor, cfg, dataset))
+    }
+
+    fn with(
+        map: Map,
+        extractor: Box<dyn Extractor>,
+        cfg: LearnConfig,
+        mut dataset: Dataset,
+    ) -> Self {
+        Self {
             session: SessionId::derive(&dataset.name),
             problems: std::mem::take(&mut dataset.problems),
             learner: Learner::resume(cfg, (*map.snapshot()).clone())?,
             dataset,
             extractor,
+            out: map.path().to_owned(),
+            part: None,
             map,
-            out: out.to_owned(),
-            part,
             num_learnt: 0,
-        })
+        }
     }
 
     fn run(mut self, out: &mut Output) -> Result<Outcome> {
@@ -216,7 +290,7 @@ impl Build {
             eprintln!(
                 "going on: {num_known} of {} visits are in {}",
                 entries.len(),
-                self.part.display()
+                self.map.path().display()
             );
         }
         let progress = Progress::new("learning", entries.len());
@@ -303,7 +377,7 @@ impl Build {
         let mut snapshot = (*self.learner.snapshot()?).clone();
         for node in &mut snapshot.nodes {
             let pose = self.dataset.poses.get(&node.key).copied();
-            if node.pose != pose {
+            if pose.is_some() && node.pose != pose {
                 Arc::make_mut(node).pose = pose;
             }
         }
@@ -320,14 +394,16 @@ impl Build {
                 }),
             }
         }
-        self.map.commit(&snapshot)?;
-        refuse_existing(&self.out)?;
-        let io = |cause: std::io::Error| Error::io(&self.out, &cause);
-        std::fs::rename(&self.part, &self.out).map_err(io)?;
-        if let Some(folder) = folder_of(&self.out) {
-            // The name survives a power loss; where folders cannot be synced, nothing is lost either.
-            let _ = File::open(folder).and_then(|folder| folder.sync_all());
+        if self.commits_early() {
+            self.map.commit(&snapshot)?;
+        } else {
+            // What is visible in a new image may change what was visible in an old one.
+            self.map.replace(&snapshot)?;
         }
+        let Some(part) = &self.part else {
+            return Ok(self.map.snapshot());
+        };
+        finish(part, &self.out)?;
         Ok(self.map.snapshot())
     }
 
@@ -342,7 +418,7 @@ impl Build {
         if num_kept > 0 {
             eprintln!(
                 "interrupted: {num_kept} visits are safe in {}; to go on, give the same command again",
-                self.part.display()
+                self.map.path().display()
             );
         } else if self.commits_early() {
             eprintln!("interrupted: nothing was learnt yet; to start, give the same command again");
@@ -365,15 +441,17 @@ impl Build {
         }
         eprintln!(
             "note: {num_kept} visits are safe in {}; to go on, give the same command again",
-            self.part.display()
+            self.map.path().display()
         );
         error
     }
 
     /// A part without visits would only be in the way.
     fn remove_if_empty(&self) {
-        if self.map.snapshot().nodes.is_empty() {
-            let _ = std::fs::remove_file(&self.part);
+        if let Some(part) = &self.part
+            && self.map.snapshot().nodes.is_empty()
+        {
+            let _ = std::fs::remove_file(part);
         }
     }
 
@@ -387,33 +465,6 @@ impl Build {
             count => eprintln!("{count} problems: the above were left out"),
         }
     }
-}
-
-fn refuse_existing(map: &Path) -> Result<()> {
-    if std::fs::symlink_metadata(map).is_err() {
-        return Ok(());
-    }
-    Err(Error::new(ErrorKind::Io, "this file exists already")
-        .with_path(map)
-        .with_help("a map is never overwritten: choose another name or remove it")
-        .into())
-}
-
-/// Where the map is kept while it is not finished.
-fn part_of(map: &Path) -> PathBuf {
-    let mut name = map.as_os_str().to_owned();
-    name.push(".part");
-    name.into()
-}
-
-fn folder_of(path: &Path) -> Option<&Path> {
-    path.parent().map(|folder| {
-        if folder.as_os_str().is_empty() {
-            Path::new(".")
-        } else {
-            folder
-        }
-    })
 }
 
 /// The part of an interrupted build like this one, or a new one.

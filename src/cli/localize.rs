@@ -11,6 +11,7 @@ use super::config::Config;
 use super::live::{self, Frames};
 use super::output::Output;
 use super::pictures::{Picture, Pictures, TimeSource};
+use super::student::Student;
 use super::trace::Trace;
 use super::{ConfigArgs, Outcome, interrupt, named, preset_of};
 use crate::error::{Error, ErrorKind};
@@ -34,6 +35,7 @@ use crate::time::{Period, Time};
 Examples:
   chronotope localize street.map now.jpg --time 2024-05-01T08:30:00Z
   chronotope localize street.map photos/*.jpg --json
+  chronotope localize street.map photos/*.jpg --learn
   chronotope localize street.map now.jpg --method static --n 100 --trace evidence.jsonl
   chronotope localize park.map 0105.webp --manifest stromovka
   chronotope localize street.map --camera 0 --trace - | chronotope-dashboard --connect")]
@@ -65,6 +67,10 @@ pub(super) struct LocalizeArgs {
     /// Locate what this camera sees until Ctrl-C (with the cargo feature `opencv`).
     #[arg(long, value_name = "N", conflicts_with_all = ["images", "time", "manifest"])]
     camera: Option<u32>,
+    /// Learn each located image, as a new visit of its place: the map file grows by generations, which
+    /// `map rollback` can take back. Without this the map is only read.
+    #[arg(long)]
+    learn: bool,
     /// One JSON object for each image.
     #[arg(long)]
     json: bool,
@@ -76,7 +82,14 @@ pub(super) struct LocalizeArgs {
 }
 
 pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
-    let map = args.map.as_deref().map(Map::open_read_only).transpose()?;
+    let open = |path: &Path| {
+        if args.learn {
+            Map::open(path)
+        } else {
+            Map::open_read_only(path)
+        }
+    };
+    let map = args.map.as_deref().map(open).transpose()?;
     let preset = (map.as_ref()).map_or(Preset::Default, |map| preset_of(&map.snapshot().meta));
     let mut config = Config::read(args.config.config.as_deref(), preset)?;
     config.localize = args.change(config.localize)?;
@@ -95,14 +108,22 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
         (false, 1) => Form::Sheet,
         (false, _) => Form::Line,
     };
-    if let Some(camera) = args.camera {
+    if args.learn {
+        guide.student = Some(Student::new(map, config.learn, args.camera.is_some())?);
+    }
+    if args.learn || args.camera.is_some() {
         interrupt::watch()?;
+    }
+    if let Some(camera) = args.camera {
         guide.form = guide.form.for_many();
         guide.follow(live::camera(camera)?)?;
-        return Ok(guide.outcome);
+        return guide.finish();
     }
     let mut pictures = Pictures::new(args.time, needs_time, args.manifest.as_deref())?;
     for path in &args.images {
+        if interrupt::is_requested() {
+            break;
+        }
         if live::is_video(path) {
             guide.form = guide.form.for_many();
             match live::video(path, args.time) {
@@ -128,7 +149,7 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
             }
         }
     }
-    Ok(guide.outcome)
+    guide.finish()
 }
 
 impl LocalizeArgs {
@@ -196,6 +217,7 @@ struct Guide<'o> {
     scratch: Scratch,
     answer: Localization,
     trace: Option<Sink>,
+    student: Option<Student>,
     out: &'o mut Output,
     form: Form,
     outcome: Outcome,
@@ -225,6 +247,7 @@ impl<'o> Guide<'o> {
             mask: mask.transpose()?,
             answer: Localization::default(),
             trace,
+            student: None,
             out,
             form: Form::Line,
             outcome: Outcome::Good,
@@ -291,10 +314,36 @@ impl<'o> Guide<'o> {
         }
         let report = Report::new(&self.localizer, picture, &self.answer, live.len());
         match self.form {
-            Form::Json => self.out.json(&report),
-            Form::Sheet => self.out.line(report.sheet()),
-            Form::Line => self.out.line(report.row()),
+            Form::Json => self.out.json(&report)?,
+            Form::Sheet => self.out.line(report.sheet())?,
+            Form::Line => self.out.line(report.row())?,
         }
+        if let Err(error) = self.learn(picture, &live) {
+            eprintln!("not learnt: {}: {error}", picture.name);
+        }
+        Ok(())
+    }
+
+    /// Learns the picture, if that is wanted and it was located.
+    fn learn(&mut self, picture: &Picture, live: &Features) -> crate::Result<()> {
+        let (Some(student), Decision::At(id)) = (&mut self.student, self.answer.decision) else {
+            return Ok(());
+        };
+        let mask = both(picture.mask.as_ref(), self.mask.as_ref())?;
+        let place = &self.localizer.snapshot().node(id).key;
+        if let Some(newer) = student.observe(place, picture, mask.as_ref(), live)? {
+            self.localizer = Localizer::new(newer, self.localizer.cfg().clone())?;
+            self.scratch = self.localizer.scratch();
+        }
+        Ok(())
+    }
+
+    /// Keeps what was learnt.
+    fn finish(mut self) -> Result<Outcome> {
+        if let Some(student) = self.student.take() {
+            student.finish()?;
+        }
+        Ok(self.outcome)
     }
 
     /// Extracts and localises; gives the live features.

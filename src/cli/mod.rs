@@ -8,16 +8,21 @@
 mod build;
 mod check;
 mod config;
+mod exchange;
+mod generations;
 mod inspect;
 mod interrupt;
 mod live;
 mod localize;
+mod merge;
+mod new_map;
 mod output;
 mod pictures;
 mod predict;
 mod progress;
 mod series;
 mod spectrum;
+mod student;
 mod trace;
 
 use std::io::IsTerminal;
@@ -57,7 +62,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Build maps and look into them.
+    /// Build maps, look into them, keep them.
     #[command(subcommand)]
     Map(MapCommand),
     Localize(localize::LocalizeArgs),
@@ -72,12 +77,22 @@ enum Command {
 #[command(after_help = "\
 Examples:
   chronotope map build --data photos/ --out street.map
+  chronotope map update street.map --data june/
   chronotope map inspect street.map
-  chronotope map verify street.map")]
+  chronotope map verify street.map
+  chronotope map log street.map
+  chronotope map merge street.map park.map --out town.map")]
 enum MapCommand {
     Build(build::BuildArgs),
+    Update(build::UpdateArgs),
     Inspect(inspect::InspectArgs),
     Verify(inspect::VerifyArgs),
+    Merge(merge::MergeArgs),
+    Export(exchange::ExportArgs),
+    Import(exchange::ImportArgs),
+    Log(generations::LogArgs),
+    Rollback(generations::RollbackArgs),
+    Prune(generations::PruneArgs),
 }
 
 #[derive(Debug, Subcommand)]
@@ -146,8 +161,15 @@ impl Cli {
         let mut out = Output::stdout();
         match self.command {
             Command::Map(MapCommand::Build(args)) => build::run(&args, &mut out),
+            Command::Map(MapCommand::Update(args)) => build::update(&args, &mut out),
             Command::Map(MapCommand::Inspect(args)) => inspect::inspect(&args, &mut out),
             Command::Map(MapCommand::Verify(args)) => inspect::verify(&args, &mut out),
+            Command::Map(MapCommand::Merge(args)) => merge::run(&args, &mut out),
+            Command::Map(MapCommand::Export(args)) => exchange::export(&args, &mut out),
+            Command::Map(MapCommand::Import(args)) => exchange::import(&args, &mut out),
+            Command::Map(MapCommand::Log(args)) => generations::log(&args, &mut out),
+            Command::Map(MapCommand::Rollback(args)) => generations::rollback(&args, &mut out),
+            Command::Map(MapCommand::Prune(args)) => generations::prune(&args, &mut out),
             Command::Localize(args) => localize::run(&args, &mut out),
             Command::Predict(args) => predict::run(&args, &mut out),
             Command::Spectrum(args) => spectrum::run(&args, &mut out),

@@ -22,12 +22,14 @@
 //! Not for: deciding whether a visit should be believed, or what to forget.
 
 mod config;
+mod merge;
 mod online;
 mod reference;
 
 use std::sync::Arc;
 
 pub use config::{KeepAppearances, LearnConfig, Recipe};
+pub use merge::{merge, relearn};
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::feature::{Features, FeaturesView, GrayImage};

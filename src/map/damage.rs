@@ -199,93 +199,95 @@ fn every_truncation_and_every_lost_or_swapped_page_is_noticed() {
     assert!(is_noticed(&path, &longer, &expected, "700 bytes too many"));
 }
 
-/// What somebody with the sqlite3 tool can do.
+/// What somebody with the sqlite3 tool can do, and what is said of it.
+const BY_HAND: &[(&str, &str)] = &[
+    (
+        "UPDATE visit SET time_us = time_us + 1 WHERE id = 2",
+        "table visit, row 2",
+    ),
+    (
+        "UPDATE visit SET seen = NULL WHERE id = 2",
+        "table visit, row 2",
+    ),
+    (
+        "UPDATE visit SET located_by = x'' WHERE id = 2",
+        "table visit, row 2",
+    ),
+    (
+        "UPDATE visit SET located_by = x'03' WHERE id = 2",
+        "table visit, row 2, column located_by, byte 0: ",
+    ),
+    (
+        "UPDATE visit SET seen = (SELECT seen FROM visit WHERE id = 4), \
+             crc = (SELECT crc FROM visit WHERE id = 4) WHERE id = 2",
+        "table visit, row 2",
+    ),
+    ("DELETE FROM visit WHERE id = 4", "table"),
+    (
+        "DELETE FROM visit WHERE id = 1",
+        "visit 0 of place 1 is missing",
+    ),
+    ("DELETE FROM feature WHERE visit = 2", "table"),
+    (
+        "DELETE FROM appearance",
+        "the rows are not those that were committed",
+    ),
+    (
+        "DELETE FROM pose",
+        "the rows are not those that were committed",
+    ),
+    (
+        "DELETE FROM edge",
+        "the rows are not those that were committed",
+    ),
+    ("DELETE FROM place WHERE id = 1", "there is no place 1"),
+    (
+        "DELETE FROM generation WHERE number = 1",
+        "generation 1 is missing",
+    ),
+    ("DELETE FROM generation", "there is no generation"),
+    (
+        "DELETE FROM generation WHERE number = 2",
+        "there is no generation 2",
+    ),
+    (
+        "UPDATE generation SET parent = 0 WHERE number = 2",
+        "table generation, row 2",
+    ),
+    (
+        "DELETE FROM attachment WHERE id = 3",
+        "the rows are not those that were committed",
+    ),
+    (
+        "UPDATE attachment SET value = x'010303' WHERE id = 1",
+        "table attachment, row 1, column value, byte 1: ",
+    ),
+    ("DELETE FROM meta", "table meta"),
+    (
+        "UPDATE place SET key = replace(key, 'lamp', 'lamq')",
+        "column key, byte 3: ",
+    ),
+    ("UPDATE place SET crc = crc | 4294967296", "column crc"),
+    ("UPDATE place SET key = zeroblob(8)", "table place, row 1"),
+    (
+        "UPDATE feature SET keypoints = zeroblob(20000000) WHERE visit = 1",
+        "table feature, row 1, column keypoints, byte 16777216: ",
+    ),
+    ("DROP TABLE edge", "table edge: the table is missing"),
+    ("ALTER TABLE pose ADD COLUMN w REAL", "table pose"),
+    (
+        "CREATE TRIGGER t AFTER INSERT ON visit BEGIN DELETE FROM place; END",
+        "`t` is no part of format 2",
+    ),
+];
+
 #[test]
 fn rows_changed_by_hand_are_named() {
     let folder = in_memory();
     let whole = folder.path().join("whole.map");
     drop(tiny(&whole));
     let path = folder.path().join("changed.map");
-    for (sql, expected) in [
-        (
-            "UPDATE visit SET time_us = time_us + 1 WHERE id = 2",
-            "table visit, row 2",
-        ),
-        (
-            "UPDATE visit SET seen = NULL WHERE id = 2",
-            "table visit, row 2",
-        ),
-        (
-            "UPDATE visit SET located_by = x'' WHERE id = 2",
-            "table visit, row 2",
-        ),
-        (
-            "UPDATE visit SET located_by = x'03' WHERE id = 2",
-            "table visit, row 2, column located_by, byte 0: ",
-        ),
-        (
-            "UPDATE visit SET seen = (SELECT seen FROM visit WHERE id = 4), \
-             crc = (SELECT crc FROM visit WHERE id = 4) WHERE id = 2",
-            "table visit, row 2",
-        ),
-        ("DELETE FROM visit WHERE id = 4", "table"),
-        (
-            "DELETE FROM visit WHERE id = 1",
-            "visit 0 of place 1 is missing",
-        ),
-        ("DELETE FROM feature WHERE visit = 2", "table"),
-        (
-            "DELETE FROM appearance",
-            "the rows are not those that were committed",
-        ),
-        (
-            "DELETE FROM pose",
-            "the rows are not those that were committed",
-        ),
-        (
-            "DELETE FROM edge",
-            "the rows are not those that were committed",
-        ),
-        ("DELETE FROM place WHERE id = 1", "place 1 is missing"),
-        (
-            "DELETE FROM generation WHERE number = 1",
-            "generation 1 is missing",
-        ),
-        ("DELETE FROM generation", "there is no generation"),
-        (
-            "DELETE FROM generation WHERE number = 2",
-            "there is no generation 2",
-        ),
-        (
-            "UPDATE generation SET parent = 0 WHERE number = 2",
-            "table generation, row 2",
-        ),
-        (
-            "DELETE FROM attachment WHERE id = 3",
-            "the rows are not those that were committed",
-        ),
-        (
-            "UPDATE attachment SET value = x'010303' WHERE id = 1",
-            "table attachment, row 1, column value, byte 1: ",
-        ),
-        ("DELETE FROM meta", "table meta"),
-        (
-            "UPDATE place SET key = replace(key, 'lamp', 'lamq')",
-            "column key, byte 3: ",
-        ),
-        ("UPDATE place SET crc = crc | 4294967296", "column crc"),
-        ("UPDATE place SET key = zeroblob(8)", "table place, row 1"),
-        (
-            "UPDATE feature SET keypoints = zeroblob(20000000) WHERE visit = 1",
-            "table feature, row 1, column keypoints, byte 16777216: ",
-        ),
-        ("DROP TABLE edge", "table edge: the table is missing"),
-        ("ALTER TABLE pose ADD COLUMN w REAL", "table pose"),
-        (
-            "CREATE TRIGGER t AFTER INSERT ON visit BEGIN DELETE FROM place; END",
-            "`t` is no part of format 2",
-        ),
-    ] {
+    for &(sql, expected) in BY_HAND {
         fs::copy(&whole, &path).expect("writable");
         let connection = Connection::open(&path).expect("sound");
         let changed = connection

@@ -622,7 +622,7 @@ pub(super) fn read_generations(
                 Some(parent) if parent < number => format!("generation {parent} is missing"),
                 _ => "no generation but 0 is without one before it".into(),
             };
-            return Err(misfit(row, if version == 1 { 0 } else { 1 }, message));
+            return Err(misfit(row, usize::from(version > 1), message));
         }
         let digest = row.blob(first + 6)?;
         generations.push(Generation {
@@ -733,10 +733,6 @@ impl Reading<'_> {
             let key = row.key(2)?;
             if !faults.is_clean() {
                 return Ok(());
-            }
-            let expected = state.last_place + 1;
-            if row.id != expected {
-                return Err(misfit(row, 0, format!("place {expected} is missing")));
             }
             state.last_place = row.id;
             if !is_of_line {

@@ -10,9 +10,13 @@ mod change;
 #[cfg(test)]
 mod damage;
 mod digest;
+mod exchange;
+mod file_storage;
 mod format;
 mod identity;
 mod load;
+mod npy;
+mod prune;
 mod reobservation;
 mod store;
 mod types;
@@ -20,10 +24,11 @@ mod verify;
 
 pub use building::Summary;
 pub use digest::ContentDigest;
+pub use file_storage::{FileStorageMap, read_file_storage};
 pub use identity::{derived_uuid, features_digest, random_uuid};
 pub use load::{Fault, Generation};
 pub use reobservation::Reobservation;
-pub use store::Map;
+pub use store::{Map, Pruned};
 pub use types::{
     AppearanceUse, Edge, MapMeta, Node, NodeId, PlaceKey, SessionId, Snapshot, Visit, VisitId,
 };

@@ -7,6 +7,7 @@
 //!
 //! Not for queries: [`Map::snapshot`] is in memory and immutable.
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -14,12 +15,13 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 use std::time::{Duration, SystemTime};
 
 use rusqlite::types::{ToSqlOutput, ValueRef};
-use rusqlite::{Connection, OpenFlags, TransactionBehavior};
+use rusqlite::{Connection, OpenFlags, Transaction, TransactionBehavior};
 
 use super::change::Change;
 use super::digest;
 use super::format::{self, APPLICATION_ID, TABLES, Table, VERSION, tables_of};
 use super::load::{self, Fault, Faults, Generation, State};
+use super::prune;
 use super::types::{MapMeta, Snapshot};
 use crate::error::{Error, ErrorKind, Result};
 use crate::time::Time;
@@ -46,6 +48,17 @@ pub struct Map {
 struct Stored {
     connection: Connection,
     state: State,
+}
+
+/// What [`Map::prune`] did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pruned {
+    /// Generations that are gone.
+    pub num_dropped: usize,
+    /// Bytes of the file before.
+    pub num_bytes_before: u64,
+    /// Bytes of the file after.
+    pub num_bytes_after: u64,
 }
 
 impl Map {
@@ -293,6 +306,49 @@ impl Map {
         self.branch(connection, state, empty, Some(snapshot), time)
     }
 
+    /// Forgets all generations but 0, the newest, those in `keep` and those where their lines part.
+    ///
+    /// What stays keeps number, content and digest; what goes cannot be returned to. One transaction,
+    /// then the file is made as small as it can be, for which the disk needs room for a second one;
+    /// where that fails the map is pruned all the same.
+    pub fn prune(&self, keep: &BTreeSet<u64>) -> Result<Pruned> {
+        self.prune_inner(keep)
+            .map_err(|error| error.with_path(&self.path))
+    }
+
+    fn prune_inner(&self, keep: &BTreeSet<u64>) -> Result<Pruned> {
+        let num_bytes = || {
+            let metadata = std::fs::metadata(&self.path);
+            metadata.map_err(|error| Error::io(&self.path, &error))
+        };
+        let num_bytes_before = num_bytes()?.len();
+        let mut stored = self.stored();
+        let Stored { connection, state } = &mut *stored;
+        let _shared = shared();
+        let transaction = self.begin(connection, state)?;
+        let Some((after, num_dropped)) = prune::prune(&transaction, keep)? else {
+            return Ok(Pruned {
+                num_dropped: 0,
+                num_bytes_before,
+                num_bytes_after: num_bytes_before,
+            });
+        };
+        transaction.commit().map_err(|error| sqlite_error(&error))?;
+        *state = after;
+        self.publish(&state.snapshot);
+        if let Err(error) = connection.execute_batch("VACUUM") {
+            tracing::warn!(
+                "{}: pruned, but not made smaller: {error}",
+                self.path.display()
+            );
+        }
+        Ok(Pruned {
+            num_dropped,
+            num_bytes_before,
+            num_bytes_after: num_bytes()?.len(),
+        })
+    }
+
     /// Commits on top of `past`, a state of another generation than the newest: `next`, or else the
     /// past itself.
     fn branch(
@@ -327,11 +383,27 @@ impl Map {
         after: &mut State,
         time: Time,
     ) -> Result<()> {
+        let _shared = shared();
+        let transaction = self.begin(connection, newest)?;
+        if before.version < VERSION {
+            migrate(&transaction, before.version)?;
+            after.version = VERSION;
+        }
+        change
+            .write(&transaction, before, after)
+            .and_then(|()| insert_generation(&transaction, &after.totals(time)))
+            .and_then(|()| transaction.commit())
+            .map_err(|error| sqlite_error(&error))?;
+        self.publish(&after.snapshot);
+        Ok(())
+    }
+
+    /// Starts to write, if the file still is as in `newest`. The caller holds [`shared`].
+    fn begin<'a>(&self, connection: &'a mut Connection, newest: &State) -> Result<Transaction<'a>> {
         if self.is_read_only {
             return Err(Error::new(ErrorKind::Io, "this map is open read-only")
                 .with_help("copy it to a place where it may be written"));
         }
-        let _shared = shared();
         let transaction = connection
             .transaction_with_behavior(TransactionBehavior::Immediate)
             .map_err(|error| sqlite_error(&error))?;
@@ -350,17 +422,7 @@ impl Map {
             return Err(Error::new(ErrorKind::Config, what)
                 .with_help("refresh the map and repeat the change"));
         }
-        if before.version < VERSION {
-            migrate(&transaction, before.version)?;
-            after.version = VERSION;
-        }
-        change
-            .write(&transaction, before, after)
-            .and_then(|()| insert_generation(&transaction, &after.totals(time)))
-            .and_then(|()| transaction.commit())
-            .map_err(|error| sqlite_error(&error))?;
-        self.publish(&after.snapshot);
-        Ok(())
+        Ok(transaction)
     }
 
     fn stored(&self) -> MutexGuard<'_, Stored> {
@@ -433,7 +495,7 @@ fn newest_generation(connection: &Connection) -> rusqlite::Result<(u64, u64)> {
 
 /// Makes a file of format 1 one of format 2, inside of the caller's transaction: generations learn
 /// their parents, and there may be attachments.
-fn migrate(connection: &Connection, from: u32) -> Result<()> {
+pub(super) fn migrate(connection: &Connection, from: u32) -> Result<()> {
     let generations = load::read_generations(connection, from, None, &mut Faults::strict())?;
     let write = || {
         connection.execute("DROP TABLE generation", [])?;
@@ -477,7 +539,7 @@ pub(super) fn insert_meta(
     insert(connection, &format::META, &values)
 }
 
-fn insert_generation(connection: &Connection, it: &Generation) -> rusqlite::Result<()> {
+pub(super) fn insert_generation(connection: &Connection, it: &Generation) -> rusqlite::Result<()> {
     let values = [
         ValueRef::Integer(it.number as i64),
         it.parent

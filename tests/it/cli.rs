@@ -1211,3 +1211,273 @@ fn methods_that_need_what_was_not_kept_say_so() {
         &["psychic", "fremen"],
     );
 }
+
+#[test]
+fn a_map_is_rolled_back_and_pruned() {
+    let fixture = Fixture::with_map();
+    let numbers = |ran: &Ran| -> Vec<u64> {
+        let number = |line: &Value| line["number"].as_u64().expect("a number");
+        ran.lines().iter().map(number).collect()
+    };
+    let logged = fixture.run(&["map", "log", "street.map", "--json"]);
+    assert_eq!(logged.code, 0, "{logged:?}");
+    let before = numbers(&logged);
+    let newest = before.last().copied().expect("some");
+    let visits: i64 = (logged.lines().iter())
+        .map(|line| line["added_visits"].as_i64().expect("a number"))
+        .sum();
+    assert_eq!(visits, (NUM_VISITS as usize * NUM_PLACES) as i64);
+    let digest = |fixture: &Fixture| {
+        fixture
+            .run(&["map", "inspect", "street.map", "--json"])
+            .lines()[0]["digest"]
+            .clone()
+    };
+    let whole = digest(&fixture);
+    let back = fixture.run(&["map", "rollback", "street.map", "--to", "0"]);
+    assert_eq!(back.code, 0, "{back:?}");
+    assert!(back.stdout.contains("0 places"), "{back:?}");
+    assert_ne!(digest(&fixture), whole);
+    let shown = fixture.run(&["map", "log", "street.map"]);
+    assert!(shown.stdout.contains("back to generation 0"), "{shown:?}");
+    assert!(shown.stdout.contains("(rolled back)"), "{shown:?}");
+    let to = newest.to_string();
+    let forward = fixture.run(&["map", "rollback", "street.map", "--to", &to]);
+    assert_eq!(forward.code, 0, "{forward:?}");
+    assert_eq!(digest(&fixture), whole);
+    let kept = fixture.run(&[
+        "map",
+        "prune",
+        "street.map",
+        "--keep-last",
+        "1",
+        "--dry-run",
+    ]);
+    assert_eq!(kept.code, 0, "{kept:?}");
+    assert!(kept.stdout.contains("may go"), "{kept:?}");
+    let pruned = fixture.run(&["map", "prune", "street.map", "--keep-last", "1"]);
+    assert_eq!(pruned.code, 0, "{pruned:?}");
+    let left = numbers(&fixture.run(&["map", "log", "street.map", "--json"]));
+    assert_eq!(left, [0, newest + 2]);
+    assert_eq!(digest(&fixture), whole);
+    fixture.fails(
+        &["map", "rollback", "street.map", "--to", "999"],
+        &["street.map", "no generation 999", "map log"],
+    );
+    fixture.fails(&["map", "prune", "street.map"], &["--keep-last"]);
+}
+
+/// The dataset without the images of visits from `visit` on.
+fn shorten(fixture: &Fixture, visit: i64) -> String {
+    let whole = fixture.index();
+    let short: String = (whole.lines())
+        .take(1 + visit as usize * NUM_PLACES)
+        .flat_map(|line| [line, "\n"])
+        .collect();
+    fixture.write("data/index.csv", short);
+    whole
+}
+
+#[test]
+fn an_update_ends_where_a_build_of_everything_does() {
+    for preset in ["default", "lttl"] {
+        let fixture = Fixture::new();
+        let build = |out: &str| {
+            let args = [
+                "map", "build", "--data", "data", "--out", out, "--preset", preset,
+            ];
+            let built = fixture.run(&args);
+            assert_eq!(built.code, 0, "{built:?}");
+        };
+        let whole_index = shorten(&fixture, 4);
+        build("grown.map");
+        fixture.write("data/index.csv", whole_index);
+        build("whole.map");
+        let update = || fixture.run(&["map", "update", "grown.map", "--data", "data"]);
+        let updated = update();
+        assert_eq!(updated.code, 0, "{updated:?}");
+        assert!(updated.stdout.contains("(8 learnt now)"), "{updated:?}");
+        assert!(updated.stderr.contains("16 of 24 visits"), "{updated:?}");
+        let open = |name| Map::open(fixture.path(name)).expect("a map").snapshot();
+        let (grown, whole) = (open("grown.map"), open("whole.map"));
+        assert_eq!(grown.nodes, whole.nodes, "{preset}");
+        assert_eq!(grown.edges, whole.edges);
+        // Nothing is left to learn.
+        let again = update();
+        assert_eq!(again.code, 0, "{again:?}");
+        assert!(again.stdout.contains("(0 learnt now)"), "{again:?}");
+        assert_eq!(open("grown.map").generation, grown.generation);
+        let back = fixture.run(&["map", "rollback", "grown.map", "--to", "1"]);
+        assert_eq!(back.code, 0, "{back:?}");
+        assert!(open("grown.map").summary().num_visits <= 16);
+        assert!(fixture.run(&["map", "verify", "grown.map"]).code == 0);
+    }
+}
+
+#[test]
+fn an_update_of_what_is_no_map_or_has_other_images_changes_nothing() {
+    let fixture = Fixture::with_map();
+    fixture.fails(
+        &["map", "update", "missing.map", "--data", "data"],
+        &["missing.map", "map build"],
+    );
+    fixture.fails(&["map", "update", "data", "--data", "data"], &["folder"]);
+    // Images of another size are problems, one by one.
+    let before = fs::read(fixture.path("street.map")).expect("there");
+    fs::create_dir_all(fixture.path("other")).expect("writable");
+    let small = encoded(&image::GrayImage::new(64, 48));
+    fixture.write("other/a.png", small);
+    fixture.write(
+        "other/index.csv",
+        "place,time,path\nplace-00,2024-01-01T00:00:00Z,a.png\n",
+    );
+    let ran = fixture.run(&["map", "update", "street.map", "--data", "other"]);
+    assert_eq!(ran.code, 0, "{ran:?}");
+    assert!(ran.stderr.contains("1 problem"), "{ran:?}");
+    assert!(ran.stderr.contains("64 x 48 px"), "{ran:?}");
+    assert_eq!(fs::read(fixture.path("street.map")).expect("there"), before);
+}
+
+#[test]
+fn maps_of_two_halves_merge_into_one() {
+    let fixture = Fixture::new();
+    let whole_index = fixture.index();
+    let (head, visits) = whole_index.split_once('\n').expect("a header");
+    let visits: Vec<&str> = visits.lines().collect();
+    for (name, rows) in [("early", 0..16), ("late", 8..24)] {
+        let index: String = std::iter::once(&head)
+            .chain(&visits[rows])
+            .flat_map(|line| [*line, "\n"])
+            .collect();
+        fixture.write("data/index.csv", index);
+        let out = format!("{name}.map");
+        let built = fixture.run(&["map", "build", "--data", "data", "--out", &out]);
+        assert_eq!(built.code, 0, "{built:?}");
+    }
+    let merged = fixture.run(&["map", "merge", "early.map", "late.map", "--out", "ab.map"]);
+    assert_eq!(merged.code, 0, "{merged:?}");
+    assert!(
+        merged.stdout.contains("24 visits (8 were in more"),
+        "{merged:?}"
+    );
+    let merged = fixture.run(&["map", "merge", "late.map", "early.map", "--out", "ba.map"]);
+    assert_eq!(merged.code, 0, "{merged:?}");
+    let open = |name| Map::open(fixture.path(name)).expect("a map").snapshot();
+    assert_eq!(open("ab.map").digest(), open("ba.map").digest());
+    assert!(fixture.run(&["map", "verify", "ab.map"]).code == 0);
+    assert!(!fixture.path("ab.map.part").exists());
+    let again = ["map", "merge", "early.map", "late.map", "--out", "ab.map"];
+    fixture.fails(&again, &["ab.map", "never overwritten"]);
+    fixture.fails(
+        &[
+            "map",
+            "merge",
+            "early.map",
+            "late.map",
+            "--out",
+            "c.map",
+            "--relearn",
+        ],
+        &["--keep-appearances all"],
+    );
+}
+
+#[test]
+fn a_map_goes_out_as_plain_files_and_comes_back() {
+    let fixture = Fixture::with_map();
+    let exported = fixture.run(&["map", "export", "street.map", "street"]);
+    assert_eq!(exported.code, 0, "{exported:?}");
+    let imported = fixture.run(&["map", "import", "street", "--out", "again.map"]);
+    assert_eq!(imported.code, 0, "{imported:?}");
+    let open = |name| Map::open(fixture.path(name)).expect("a map").snapshot();
+    assert_eq!(open("again.map").digest(), open("street.map").digest());
+    let to = ["map", "export", "street.map", "street"];
+    fixture.fails(&to, &["street", "not empty"]);
+    let to = ["map", "import", "street", "--out", "again.map"];
+    fixture.fails(&to, &["again.map", "never overwritten"]);
+    // Two maps that say the same become the same files.
+    for (map, folder) in [("street.map", "a"), ("again.map", "b")] {
+        let exported = fixture.run(&["map", "export", map, folder, "--canonical"]);
+        assert_eq!(exported.code, 0, "{exported:?}");
+    }
+    for name in ["visits.csv", "keypoints.npy", "seen.npy"] {
+        let read = |folder: &str| fs::read(fixture.path(folder).join(name)).expect("written");
+        assert_eq!(read("a"), read("b"), "{name}");
+    }
+}
+
+#[test]
+fn places_of_the_reference_benchmark_become_a_map() {
+    let fixture = Fixture::new();
+    let yaml = include_str!("../data/file_storage/place_0.yaml");
+    fixture.write("place_0.yaml", yaml);
+    fixture.write("place_1.yaml", yaml.replace("[ 1, 0, 1", "[ 0, 0, 1"));
+    let args = [
+        "map",
+        "import",
+        "place_0.yaml",
+        "place_1.yaml",
+        "--out",
+        "park.map",
+    ];
+    let imported = fixture.run(&args);
+    assert_eq!(imported.code, 0, "{imported:?}");
+    assert!(
+        imported.stdout.contains("2 places, 8 visits, 6 features"),
+        "{imported:?}"
+    );
+    let predicted = fixture.run(&[
+        "predict",
+        "park.map",
+        "--time",
+        "1970-01-01T00:30:00Z",
+        "--node",
+        "place_1",
+    ]);
+    assert_eq!(predicted.code, 0, "{predicted:?}");
+    fixture.write("odd.yaml", yaml.replace("cols: 32", "cols: 31"));
+    let args = ["map", "import", "odd.yaml", "--out", "odd.map"];
+    fixture.fails(&args, &["odd.yaml", "line "]);
+    assert!(!fixture.path("odd.map").exists());
+}
+
+#[test]
+fn what_is_located_is_learnt_only_if_that_is_asked_for() {
+    let fixture = Fixture::with_map();
+    let visits = || {
+        let map = Map::open(fixture.path("street.map")).expect("a map");
+        map.snapshot().summary().num_visits
+    };
+    let (before, num_before) = (
+        fs::read(fixture.path("street.map")).expect("there"),
+        visits(),
+    );
+    let log = fixture.run(&["map", "log", "street.map", "--json"]);
+    let to = log.lines().last().expect("some")["number"].to_string();
+    let localize = |more: &[&str]| {
+        let images = ["query0.png", "query1.png", "query2.png", "query3.png"];
+        let args = [
+            &["localize", "street.map", "--time", QUERY_TIME],
+            &images[..],
+            more,
+        ]
+        .concat();
+        let ran = fixture.run(&args);
+        assert_eq!(ran.code, 0, "{ran:?}");
+        ran
+    };
+    localize(&[]);
+    assert_eq!(fs::read(fixture.path("street.map")).expect("there"), before);
+    let ran = localize(&["--learn"]);
+    assert!(ran.stderr.contains("learnt: 4 visits"), "{ran:?}");
+    assert_eq!(visits(), num_before + 4);
+    // The same images are the same visits.
+    let ran = localize(&["--learn"]);
+    assert!(ran.stderr.contains("learnt this visit"), "{ran:?}");
+    assert!(ran.stderr.contains("learnt: 0 visits"), "{ran:?}");
+    assert_eq!(visits(), num_before + 4);
+    let back = fixture.run(&["map", "rollback", "street.map", "--to", &to]);
+    assert_eq!(back.code, 0, "{back:?}");
+    assert_eq!(visits(), num_before);
+    assert!(fixture.run(&["map", "verify", "street.map"]).code == 0);
+}

@@ -5,14 +5,17 @@ mod architecture;
 mod cli;
 mod cli_spectrum;
 mod dataset;
+mod exchange;
 mod feature;
 #[cfg(feature = "opencv")]
 mod feature_opencv;
 mod localize;
 mod map;
 mod matching;
+mod merge;
 mod spectrum;
 mod synthetic;
+mod untrusted;
 mod visibility;
 mod visibility_series;
 mod visibility_suite;

@@ -4,6 +4,7 @@
     reason = "these functions all belong to tests, which clippy cannot see here"
 )]
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -234,6 +235,7 @@ proptest! {
     #[test]
     fn every_generation_can_be_returned_to_and_nothing_is_lost(
         steps in proptest::collection::vec((step(), proptest::option::of(0..100_u64)), 1..12),
+        keep in any::<u64>(),
     ) {
         let (_folder, path) = folder();
         let map = Map::create(&path, meta()).expect("new");
@@ -267,6 +269,31 @@ proptest! {
         for (generation, past) in generations.iter().zip(&known) {
             prop_assert_eq!(generation.digest, past.digest());
         }
+        let report = Map::verify(&path).expect("is a map");
+        prop_assert!(report.is_clean(), "{:?}", report.faults);
+        // What is kept stays what it was, for those who have the file open, too.
+        let keep = known.iter().map(|it| it.generation).filter(|it| keep >> it & 1 == 1);
+        let keep: BTreeSet<u64> = keep.collect();
+        let pruned = reopened.prune(&keep).expect("sound");
+        let left = reopened.generations().expect("readable");
+        prop_assert_eq!(left.len() + pruned.num_dropped, known.len());
+        prop_assert!(keep.iter().all(|number| left.iter().any(|it| it.number == *number)));
+        for it in &left {
+            prop_assert_eq!(&reader.at(it.number).expect("kept"), &known[it.number as usize]);
+        }
+        prop_assert_eq!(reader.refresh().expect("sound"), map.snapshot());
+        prop_assert_eq!(Map::open(&path).expect("is a map").snapshot(), map.snapshot());
+        let report = Map::verify(&path).expect("is a map");
+        prop_assert!(report.is_clean(), "{:?}", report.faults);
+        let mut snapshot = Snapshot::clone(&map.snapshot());
+        take(&mut snapshot, 999, &Step::Zone(map.snapshot().meta.zone.is_none()));
+        if pruned.num_dropped > 0 {
+            let error = map.commit(&snapshot).expect_err("not refreshed").to_string();
+            prop_assert!(error.contains("pruned"), "{}", error);
+        }
+        map.refresh().expect("sound");
+        map.commit(&snapshot).expect("extends");
+        prop_assert_eq!(reader.refresh().expect("sound"), map.snapshot());
         let report = Map::verify(&path).expect("is a map");
         prop_assert!(report.is_clean(), "{:?}", report.faults);
     }
@@ -591,7 +618,7 @@ fn a_killed_writer_loses_nothing_it_acknowledged() {
     use std::io::{BufRead, BufReader, Write};
 
     const FILE: &str = "CHRONOTOPE_TEST_KILLED_WRITER";
-    const ROUNDS: u64 = 12;
+    const ROUNDS: u64 = 24;
     if let Some(path) = std::env::var_os(FILE) {
         // Started again below: commits until it is killed.
         let map = Map::open(path).expect("sound");
@@ -619,6 +646,13 @@ fn a_killed_writer_loses_nothing_it_acknowledged() {
         let mut lines = output.lines().map_while(Result::ok);
         let acknowledged = |line: String| line.strip_prefix("committed ")?.parse::<u64>().ok();
         let mut last = lines.by_ref().find_map(acknowledged).expect("one commit");
+        // Another process reads meanwhile: no error, and nothing older than what was acknowledged.
+        let reader = Map::open_read_only(&path).expect("sound");
+        assert!(reader.snapshot().generation >= last);
+        for _ in 0..round % 4 {
+            last = lines.by_ref().find_map(acknowledged).expect("one more");
+            assert!(reader.refresh().expect("sound").generation >= last);
+        }
         std::thread::sleep(std::time::Duration::from_micros(round * 377 % 3001));
         writer.kill().expect("runs");
         writer.wait().expect("ours");
@@ -633,6 +667,55 @@ fn a_killed_writer_loses_nothing_it_acknowledged() {
         known.generation = found.generation;
         assert_eq!(*found, known);
         assert!(Map::verify(&path).expect("a map").is_clean());
+    }
+}
+
+#[test]
+fn a_killed_prune_or_rollback_leaves_the_map_whole() {
+    use std::io::{BufRead, BufReader, Write};
+
+    const FILE: &str = "CHRONOTOPE_TEST_KILLED_PRUNE";
+    if let Some(path) = std::env::var_os(FILE) {
+        // Started again below: branches and prunes until it is killed.
+        let map = Map::open(path).expect("sound");
+        loop {
+            let whole = map.snapshot().generation;
+            map.rollback(0).expect("there");
+            map.rollback(whole).expect("there");
+            map.prune(&BTreeSet::new()).expect("sound");
+            writeln!(std::io::stdout(), "pruned").expect("heard");
+        }
+    }
+    let (_folder, path) = folder();
+    let (map, snapshot) = small(&path);
+    drop(map);
+    for round in 0..12_u64 {
+        let mut writer = std::process::Command::new(std::env::current_exe().expect("running"))
+            .args([
+                "--exact",
+                "map::a_killed_prune_or_rollback_leaves_the_map_whole",
+            ])
+            .arg("--nocapture")
+            .env(FILE, &path)
+            .stdout(std::process::Stdio::piped())
+            .spawn()
+            .expect("can be started");
+        let output = BufReader::new(writer.stdout.take().expect("piped"));
+        let mut lines = output.lines().map_while(Result::ok);
+        assert!(lines.by_ref().any(|line| line == "pruned"));
+        std::thread::sleep(std::time::Duration::from_micros(round * 911 % 4001));
+        writer.kill().expect("runs");
+        writer.wait().expect("ours");
+        let map = Map::open(&path).expect("sound");
+        // Between the two rollbacks the map is empty, and its past is there.
+        if map.snapshot().nodes.is_empty() {
+            let generations = map.generations().expect("readable");
+            let whole = generations.iter().rev().find(|it| it.num_visits > 0);
+            map.rollback(whole.expect("kept").number).expect("there");
+        }
+        assert!(same(&map.snapshot(), &snapshot));
+        let report = Map::verify(&path).expect("a map");
+        assert!(report.is_clean(), "{:?}", report.faults);
     }
 }
 
@@ -908,6 +991,42 @@ fn replacing_writes_what_a_commit_refuses_and_keeps_the_past() {
     new.meta.uuid = 1;
     let error = map.replace(&new).expect_err("another map").to_string();
     assert!(error.contains("uuid"), "{error}");
+    assert!(Map::verify(&path).expect("a map").is_clean());
+}
+
+#[test]
+fn pruning_a_branch_away_makes_the_file_smaller() {
+    let (_folder, path) = folder();
+    let (map, snapshot) = small(&path);
+    let mut large = snapshot.clone();
+    large
+        .attachments
+        .insert("large".into(), vec![7; 1 << 20].into());
+    map.commit(&large).expect("extends");
+    map.rollback(1).expect("there");
+    let pruned = map.prune(&BTreeSet::new()).expect("sound");
+    assert_eq!(pruned.num_dropped, 2);
+    assert!(pruned.num_bytes_before > 1 << 20);
+    assert!(pruned.num_bytes_after < 1 << 17, "{pruned:?}");
+    assert!(same(&map.snapshot(), &snapshot));
+    let generations = map.generations().expect("readable");
+    let left: Vec<_> = generations
+        .iter()
+        .map(|it| (it.number, it.parent))
+        .collect();
+    assert_eq!(left, [(0, None), (3, Some(0))]);
+    assert_eq!(
+        map.prune(&BTreeSet::new())
+            .expect("nothing to do")
+            .num_dropped,
+        0
+    );
+    let error = map
+        .prune(&BTreeSet::from([2]))
+        .expect_err("gone")
+        .to_string();
+    assert!(error.contains("no generation 2"), "{error}");
+    assert!(map.rollback(1).is_err());
     assert!(Map::verify(&path).expect("a map").is_clean());
 }
 

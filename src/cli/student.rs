@@ -1,0 +1,115 @@
+//! What does a map learn from the images that it has located?
+//!
+//! Each located image becomes a visit of its place: it was seen there, so it is learnt as if somebody
+//! had said so. Every few seconds what was learnt is committed as a generation, and localising goes on
+//! with it. An image that was learnt before is not learnt again.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::feature::{Features, GrayImage};
+use crate::learn::{LearnConfig, Learner, Observation, Recipe};
+use crate::map::{Map, PlaceKey, SessionId, Snapshot};
+
+use super::pictures::Picture;
+
+/// Commits are at least this far apart.
+const COMMIT_INTERVAL: Duration = Duration::from_secs(1);
+
+pub(super) struct Student {
+    map: Map,
+    learner: Learner,
+    session: SessionId,
+    next_commit: Instant,
+    num_learnt: usize,
+}
+
+impl Student {
+    /// `is_live`: the images are of now, so this is a run like no other; else images that are given
+    /// twice are the same visit.
+    pub(super) fn new(map: Map, cfg: LearnConfig, is_live: bool) -> Result<Self> {
+        let refused = |message: &str, help: &str| {
+            let error = Error::new(ErrorKind::Config, message).with_path(map.path());
+            Err(error.with_help(help))
+        };
+        if map.is_read_only() {
+            return refused(
+                "this map may not be written",
+                "leave out --learn or copy the map",
+            );
+        }
+        if cfg.recipe() == Recipe::Reference {
+            return refused(
+                "the reference recipe looks at all images of a place at once",
+                "leave out --learn and use `chronotope map update`",
+            );
+        }
+        Ok(Self {
+            learner: Learner::resume(cfg, Snapshot::clone(&map.snapshot())),
+            map,
+            session: if is_live {
+                SessionId::random()
+            } else {
+                SessionId::derive("localize")
+            },
+            next_commit: Instant::now() + COMMIT_INTERVAL,
+            num_learnt: 0,
+        })
+    }
+
+    /// Learns an image of this place; gives the map to go on with, if there is a newer one.
+    pub(super) fn observe(
+        &mut self,
+        place: &PlaceKey,
+        picture: &Picture,
+        mask: Option<&GrayImage>,
+        live: &Features,
+    ) -> Result<Option<Arc<Snapshot>>> {
+        let Some((time, _)) = picture.time else {
+            return Err(
+                Error::new(ErrorKind::Time, "without a time it cannot be learnt")
+                    .with_help("give --time"),
+            );
+        };
+        let learnt = self.learner.observe(&Observation {
+            place: place.clone(),
+            session: self.session,
+            time,
+            features: live,
+            image_size: (picture.image.width() as u32, picture.image.height() as u32),
+            mask,
+            source: picture.name.clone(),
+        })?;
+        self.num_learnt += 1;
+        tracing::info!(
+            image = picture.name,
+            place = place.as_str(),
+            seen = learnt.num_seen,
+            born = learnt.num_born,
+            "learnt"
+        );
+        if Instant::now() < self.next_commit {
+            return Ok(None);
+        }
+        self.commit().map(Some)
+    }
+
+    fn commit(&mut self) -> Result<Arc<Snapshot>> {
+        self.map.commit(&*self.learner.snapshot()?)?;
+        self.next_commit = Instant::now() + COMMIT_INTERVAL;
+        Ok(self.map.snapshot())
+    }
+
+    /// Commits the rest and says what was learnt.
+    pub(super) fn finish(mut self) -> Result<()> {
+        let snapshot = self.commit()?;
+        eprintln!(
+            "learnt: {} visits; {} is at generation {}",
+            self.num_learnt,
+            self.map.path().display(),
+            snapshot.generation
+        );
+        Ok(())
+    }
+}

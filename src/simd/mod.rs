@@ -28,6 +28,7 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+pub(crate) mod image;
 #[cfg(target_arch = "aarch64")]
 mod neon;
 mod packed;
@@ -231,8 +232,13 @@ impl Kernel {
 
     #[cfg(target_arch = "x86_64")]
     fn avx512() -> Option<Self> {
-        (is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vpopcntdq"))
-            .then_some(Self(Kind::Avx512))
+        // Every CPU that counts ones of vectors has the others too, but for one accelerator card.
+        (is_x86_feature_detected!("avx512f")
+            && is_x86_feature_detected!("avx512bw")
+            && is_x86_feature_detected!("avx512dq")
+            && is_x86_feature_detected!("avx512vl")
+            && is_x86_feature_detected!("avx512vpopcntdq"))
+        .then_some(Self(Kind::Avx512))
     }
 
     #[cfg(not(target_arch = "x86_64"))]

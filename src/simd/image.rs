@@ -318,6 +318,10 @@ mod plain {
     }
 
     #[inline(always)]
+    #[allow(
+        clippy::needless_bitwise_bool,
+        reason = "branches would keep the loop from becoming a vector loop"
+    )]
     pub(super) fn mark_extremes(
         row: &[f32],
         sizes: &[u8],

@@ -12,6 +12,7 @@ pub mod metrics;
 pub mod report;
 pub mod results;
 pub mod run;
+pub mod speed;
 pub mod suite;
 pub mod table;
 

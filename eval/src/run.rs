@@ -234,7 +234,7 @@ pub fn machine() -> String {
 }
 
 /// The revision of the working directory's repository, `+` if it has uncommitted changes.
-fn commit() -> String {
+pub(crate) fn commit() -> String {
     let git = |args: &[&str]| {
         let output = std::process::Command::new("git")
             .arg("-C")

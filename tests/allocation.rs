@@ -77,7 +77,7 @@ fn street() -> &'static Street {
         let extractor = StarBrief::default();
         let mut learners = Preset::ALL.map(|preset| {
             let cfg = LearnConfig::preset(preset).with_keep_appearances(KeepAppearances::All);
-            let meta = MapMeta::new(1, &extractor.id(), preset.name());
+            let meta = MapMeta::new(1, extractor.id(), preset.name());
             (preset, Learner::new(cfg, meta))
         });
         for entry in world.dataset("learn", &schedule.learn).entries {

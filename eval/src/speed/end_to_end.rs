@@ -160,7 +160,7 @@ impl Stages {
 /// A year of monthly visits to `num_nodes` places, before the first query.
 fn snapshot(material: &Material, num_nodes: usize) -> Result<Snapshot> {
     let extractor = ExtractorConfig::default().id();
-    let mut snapshot = Snapshot::empty(MapMeta::new(1, &extractor, Preset::Default.name()));
+    let mut snapshot = Snapshot::empty(MapMeta::new(1, extractor, Preset::Default.name()));
     let first = material.times.iter().min().copied().unwrap_or_default();
     let mut random = SplitMix(99);
     for place in 0..num_nodes {

@@ -1,6 +1,6 @@
 # The commands of this repository; `make help` lists them. CI runs `make test` and nothing else.
 .DEFAULT_GOAL := help
-.PHONY: help demo test parity bench
+.PHONY: help demo test parity bench speed
 
 help: ## Show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1|/p' Makefile | awk -F'|' '{ printf "%-28s %s\n", $$1, $$2 }'
@@ -17,3 +17,6 @@ parity: ## With DATA=DIR: our STAR and BRIEF against OpenCV's on every image of 
 
 bench: ## Benchmarks of feature extraction and matching
 	cargo bench -p chronotope
+
+speed: ## One table against OpenCV, hnsw_rs and FAISS; with DATA=DIR on real images
+	@sh scripts/speed.sh $(if $(DATA),--data "$(DATA)")

@@ -14,10 +14,7 @@ pub mod report;
 pub mod results;
 pub mod run;
 pub mod series;
-/// How fast is it, next to others in the same run?
-pub mod speed {
-    pub mod temporal;
-}
+pub mod speed;
 pub mod suite;
 pub mod table;
 

@@ -8,6 +8,7 @@ use anyhow::{Context, Result};
 use chronotope_eval::report::{self, ReportInput};
 use chronotope_eval::results::SuiteResults;
 use chronotope_eval::run::{RunOptions, run};
+use chronotope_eval::speed::{self, SpeedOptions};
 use chronotope_eval::suite::Suite;
 use chronotope_eval::{compare, series, table};
 use clap::{Parser, Subcommand};
@@ -54,6 +55,27 @@ enum Command {
         a: PathBuf,
         /// The file SUITE.json of the second run.
         b: PathBuf,
+    },
+    /// Times search, extraction and whole answers next to OpenCV, `hnsw_rs` and FAISS.
+    Speed {
+        /// A dataset's folder or manifest [default: a rendered street].
+        #[arg(long)]
+        data: Option<PathBuf>,
+        /// Sizes of the maps that are localised in, places.
+        #[arg(long, value_delimiter = ',', default_value = "10,1000,10000")]
+        nodes: Vec<usize>,
+        /// Sizes of the sets that are searched, descriptors.
+        #[arg(long, value_delimiter = ',', default_value = "400,40000,500000")]
+        rows: Vec<usize>,
+        /// The largest set that `hnsw_rs` builds a graph of; it takes minutes for 100,000 descriptors.
+        #[arg(long, default_value_t = 40_000)]
+        max_hnsw_rows: usize,
+        /// A Python with OpenCV (contrib) and FAISS; `make speed` makes one.
+        #[arg(long)]
+        python: Option<PathBuf>,
+        /// Where speed.json, speed.txt and growth.svg are written.
+        #[arg(long, default_value = "target/speed")]
+        out: PathBuf,
     },
 }
 
@@ -120,6 +142,30 @@ fn main_of(args: Args) -> Result<()> {
         Command::Compare { a, b } => {
             let [a, b] = [SuiteResults::read(&a)?, SuiteResults::read(&b)?];
             println!("{}", compare::compare(&a, &b)?);
+        }
+        Command::Speed {
+            data,
+            nodes,
+            rows,
+            max_hnsw_rows,
+            python,
+            out,
+        } => {
+            let options = SpeedOptions {
+                data,
+                nodes,
+                rows,
+                max_hnsw_rows,
+                python,
+                out,
+                command: command_line(),
+            };
+            let report = speed::run(&options)?;
+            print!("{}", speed::render(&report));
+            eprintln!(
+                "wrote speed.json, speed.txt and growth.svg in {}",
+                options.out.display()
+            );
         }
     }
     Ok(())

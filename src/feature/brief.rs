@@ -20,6 +20,7 @@
 
 use super::brief_pairs::PAIRS;
 use super::{Descriptor, GrayImage, Keypoint};
+use crate::simd::Kernel;
 
 /// Pixels between a keypoint and the image's edge that its patch needs.
 pub const BORDER_PX: usize = REACH_PX + BOX_PX / 2;
@@ -32,9 +33,8 @@ const BOX_PX: usize = 9;
 /// Buffers that grow to the largest image seen and are then reused.
 #[derive(Default)]
 pub(super) struct BriefScratch {
+    black: Vec<u8>,
     columns: Vec<u16>,
-    pairs: Vec<u16>,
-    quads: Vec<u16>,
     boxes: Vec<u16>,
     offsets: Vec<(u32, u32)>,
 }
@@ -56,6 +56,7 @@ pub(super) fn is_describable(keypoint: &Keypoint, width: usize, height: usize) -
 pub(super) fn describe(
     image: &GrayImage,
     keypoints: &[Keypoint],
+    kernel: Kernel,
     scratch: &mut BriefScratch,
     descriptors: &mut Vec<Descriptor>,
 ) {
@@ -63,7 +64,7 @@ pub(super) fn describe(
     if keypoints.is_empty() {
         return;
     }
-    let stride = smooth(image, scratch);
+    let stride = smooth(image, kernel, scratch);
     scratch.offsets.clear();
     scratch
         .offsets
@@ -93,51 +94,30 @@ pub(super) fn describe(
 }
 
 /// Fills `boxes` with the sums of all 9x9 boxes and returns its columns: `width - 8`.
-fn smooth(image: &GrayImage, scratch: &mut BriefScratch) -> usize {
+fn smooth(image: &GrayImage, kernel: Kernel, scratch: &mut BriefScratch) -> usize {
     let (width, height) = (image.width(), image.height());
     let (across, down) = (width - (BOX_PX - 1), height - (BOX_PX - 1));
     let BriefScratch {
+        black,
         columns,
-        pairs,
-        quads,
         boxes,
         ..
     } = scratch;
     boxes.resize(across * down, 0);
-    pairs.resize(width, 0);
-    quads.resize(width, 0);
+    black.resize(width, 0);
     columns.clear();
     columns.resize(width, 0);
     for y in 0..BOX_PX - 1 {
-        for (sum, &pixel) in columns.iter_mut().zip(image.row(y)) {
-            *sum = sum.wrapping_add(u16::from(pixel));
-        }
+        kernel.slide(image.row(y), &black[..width], columns);
     }
     for (y, out) in boxes.chunks_exact_mut(across).enumerate() {
-        for (sum, &pixel) in columns.iter_mut().zip(image.row(y + BOX_PX - 1)) {
-            *sum = sum.wrapping_add(u16::from(pixel));
-        }
-        // Nine neighbours as 1 + 8 = 1 + 2 * (2 * 2): three additions of shifted rows.
-        add_shifted(columns, 1, pairs);
-        add_shifted(pairs, 2, quads);
-        let (left, right) = (&quads[..across], &quads[4..][..across]);
-        let ninth = &columns[BOX_PX - 1..][..across];
-        for i in 0..across {
-            out[i] = left[i].wrapping_add(right[i]).wrapping_add(ninth[i]);
-        }
-        for (sum, &pixel) in columns.iter_mut().zip(image.row(y)) {
-            *sum = sum.wrapping_sub(u16::from(pixel));
-        }
+        let above = if y == 0 {
+            &black[..width]
+        } else {
+            image.row(y - 1)
+        };
+        kernel.slide(image.row(y + BOX_PX - 1), above, columns);
+        kernel.add_nine(columns, out);
     }
     across
-}
-
-/// `out[i] = row[i] + row[i + shift]`, as far as both exist.
-fn add_shifted(row: &[u16], shift: usize, out: &mut [u16]) {
-    // Beyond the last full box `out` keeps leftovers of earlier rows; wrapping sums of them are never
-    // read, but must not panic.
-    let shifted = &row[shift..];
-    for ((sum, &a), &b) in out.iter_mut().zip(row).zip(shifted) {
-        *sum = a.wrapping_add(b);
-    }
 }

@@ -39,4 +39,17 @@ pub trait Extractor: Send + Sync {
     ///
     /// `mask`, where given, has the image's size; keypoints on its zero pixels are dropped.
     fn extract(&self, image: &GrayImage, mask: Option<&GrayImage>) -> Result<Features>;
+
+    /// [`extract`](Self::extract) in place of what `features` held, whose memory is used again.
+    ///
+    /// After an error `features` hold nothing of use.
+    fn extract_into(
+        &self,
+        image: &GrayImage,
+        mask: Option<&GrayImage>,
+        features: &mut Features,
+    ) -> Result<()> {
+        *features = self.extract(image, mask)?;
+        Ok(())
+    }
 }

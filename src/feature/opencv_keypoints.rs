@@ -20,6 +20,7 @@ use super::brief::{self, BORDER_PX};
 use super::selection::{check_mask, drop_masked, sort_keypoints};
 use super::{Extractor, ExtractorConfig, Features, GrayImage, Keypoint};
 use crate::error::{Error, ErrorKind, Result};
+use crate::simd::Kernel;
 
 /// Corners of an OpenCV detector with BRIEF-32 descriptors.
 pub struct CornerBrief {
@@ -137,6 +138,7 @@ impl Extractor for CornerBrief {
         brief::describe(
             image,
             &keypoints,
+            Kernel::best(),
             &mut brief::BriefScratch::default(),
             &mut descriptors,
         );

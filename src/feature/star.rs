@@ -53,12 +53,15 @@
 
 use super::{GrayImage, Keypoint};
 use crate::error::{Error, ErrorKind, Result};
+use crate::simd::Kernel;
+use crate::simd::image::{CentreSurround, ExtremeRule, FilterBank, StarCorners};
 
 /// Sizes of all filters; each is twice the radius of its centre.
 const FILTER_SIZES: [u8; 12] = [2, 4, 6, 8, 12, 16, 22, 32, 46, 64, 90, 128];
 
-/// Columns whose sums are made together: small enough for 14 rows of them to stay in the L1 cache.
-const CHUNK: usize = 128;
+/// Columns that are answered from top to bottom before the next ones: what a star of them reaches in
+/// the integral images stays in the second-level cache.
+const STRIP: usize = 256;
 
 /// The parameters of STAR, as in [`StarBriefConfig`](super::StarBriefConfig).
 #[derive(Clone, Copy, Debug)]
@@ -122,88 +125,49 @@ const fn star_area(radius: usize) -> usize {
     (2 * radius + 1) * (2 * radius + 1) + t * t + (t + 1) * (t + 1)
 }
 
-/// One filter: which stars it subtracts and by what it divides.
-struct Filter {
-    size: u8,
-    inner: usize,
-    outer: usize,
-    per_inner: f32,
-    per_ring: f32,
-}
-
-/// The filters in use and the radii of all their stars, ascending.
-struct FilterBank {
-    radii: Vec<usize>,
-    filters: Vec<Filter>,
-}
-
-impl FilterBank {
-    fn new(params: StarParams) -> Self {
-        let sizes = params.filters();
-        let mut radii: Vec<usize> = sizes
-            .iter()
-            .flat_map(|&size| [usize::from(size) / 2, usize::from(size)])
-            .collect();
-        radii.sort_unstable();
-        radii.dedup();
-        let filters = sizes
-            .iter()
-            .map(|&size| {
-                let (inner, outer) = (usize::from(size) / 2, usize::from(size));
-                Filter {
-                    size,
-                    inner: radii.partition_point(|&radius| radius < inner),
-                    outer: radii.partition_point(|&radius| radius < outer),
-                    per_inner: 1.0 / star_area(inner) as f32,
-                    per_ring: 1.0 / (star_area(outer) - star_area(inner)) as f32,
-                }
-            })
-            .collect();
-        Self { radii, filters }
-    }
-}
-
 /// Buffers that grow to the largest image seen and are then reused.
 #[derive(Default)]
 pub(super) struct StarScratch {
     upright: Vec<u32>,
-    cone_one: Vec<u32>,
-    cone_two: Vec<u32>,
+    one_tip: Vec<u32>,
+    two_tips: Vec<u32>,
     zeros: Vec<u32>,
-    stars: Vec<i32>,
-    sizes_of_chunk: Vec<u32>,
+    black: Vec<u8>,
+    stars: Vec<StarCorners>,
+    filters: Vec<CentreSurround>,
+    /// Width, height and border of what `responses` and `sizes` hold; outside the border they are zero.
+    shape: (usize, usize, usize),
     responses: Vec<f32>,
     sizes: Vec<u8>,
-    column_max: Vec<f32>,
-    column_min: Vec<f32>,
+    highest: Vec<f32>,
+    lowest: Vec<f32>,
+    marks: Vec<u8>,
 }
 
-/// Appends the keypoints of `image` to `keypoints`, in no particular order.
+/// Replaces `candidates` by all pixels of `image` that are keypoints if they [are not on a
+/// line](Field::is_on_line), in no particular order, and returns the responses to ask.
 ///
 /// `params` have passed [`StarParams::check`].
-pub(super) fn detect(
+pub(super) fn candidates<'a>(
     image: &GrayImage,
     params: StarParams,
-    scratch: &mut StarScratch,
-    keypoints: &mut Vec<Keypoint>,
-) {
-    let border = params.border();
-    if image.width().min(image.height()) <= 2 * border {
-        return;
+    kernel: Kernel,
+    scratch: &'a mut StarScratch,
+    candidates: &mut Vec<Keypoint>,
+) -> Field<'a> {
+    candidates.clear();
+    let (width, height, border) = (image.width(), image.height(), params.border());
+    if width.min(height) > 2 * border {
+        integrate(image, kernel, scratch);
+        respond(width, height, params, kernel, scratch);
+        search(params, kernel, scratch, candidates);
     }
-    integrate(image, scratch);
-    let bank = FilterBank::new(params);
-    respond(image.width(), image.height(), border, &bank, scratch);
-    let field = Field {
-        width: image.width(),
-        height: image.height(),
-        border,
+    Field {
+        width,
         responses: &scratch.responses,
         sizes: &scratch.sizes,
-        largest: bank.filters.last().map_or(0, |filter| filter.size),
         params,
-    };
-    field.extrema(&mut scratch.column_max, &mut scratch.column_min, keypoints);
+    }
 }
 
 /// Elements of a row of the three integral images: columns -1 to `width`.
@@ -213,320 +177,266 @@ const fn integral_stride(width: usize) -> usize {
 
 /// Fills the integral images; row `y + 1` of each belongs to row `y` of the image, row 0 is zero.
 ///
-/// `upright` and `cone_two` store column `x` at `x`, `cone_one` at `x + 1`.
-fn integrate(image: &GrayImage, scratch: &mut StarScratch) {
+/// `upright` and `two_tips` store column `x` at `x`, `one_tip` at `x + 1`.
+fn integrate(image: &GrayImage, kernel: Kernel, scratch: &mut StarScratch) {
     let (width, height) = (image.width(), image.height());
     let stride = integral_stride(width);
     let len = (height + 1) * stride;
     for plane in [
         &mut scratch.upright,
-        &mut scratch.cone_one,
-        &mut scratch.cone_two,
+        &mut scratch.one_tip,
+        &mut scratch.two_tips,
     ] {
         plane.resize(len, 0);
         plane[..stride].fill(0);
     }
-    scratch.zeros.clear();
     scratch.zeros.resize(stride, 0);
-    let no_pixels = vec![0_u8; width];
+    scratch.black.resize(width, 0);
     for y in 0..height {
         let pixels = image.row(y);
         let pixels_above = if y == 0 {
-            &no_pixels[..]
+            &scratch.black[..width]
         } else {
             image.row(y - 1)
         };
         let this = (y + 1) * stride;
 
         let (above, row) = scratch.upright.split_at_mut(this);
-        prefix_row(&above[this - stride..], pixels, &mut row[..=width]);
+        kernel.add_prefixes(&above[this - stride..], pixels, &mut row[..=width]);
 
-        let (above, row) = scratch.cone_one.split_at_mut(this);
-        let above_2 = if y == 0 {
-            &scratch.zeros
-        } else {
-            &above[this - 2 * stride..]
-        };
-        let above = &above[this - stride..];
-        cone_row(above, above_2, pixels, pixels_above, &mut row[1..=width]);
+        let (above, row) = scratch.one_tip.split_at_mut(this);
+        let (above_2, above) = two_rows_above(above, stride, &scratch.zeros);
+        kernel.add_cones(above, above_2, pixels, pixels_above, &mut row[1..=width]);
         // Beyond the edges, where the image is black, a cone equals its neighbour one row up.
         row[0] = above[1];
         row[width + 1] = above[width];
         let (first, last) = (row[1], row[width]);
 
-        let (above, row) = scratch.cone_two.split_at_mut(this);
-        let above_2 = if y == 0 {
-            &scratch.zeros
-        } else {
-            &above[this - 2 * stride..]
-        };
-        let above = &above[this - stride..];
-        cone_row(above, above_2, &pixels[1..], pixels, &mut row[1..width]);
+        let (above, row) = scratch.two_tips.split_at_mut(this);
+        let (above_2, above) = two_rows_above(above, stride, &scratch.zeros);
+        kernel.add_cones(above, above_2, &pixels[1..], pixels, &mut row[1..width]);
         // A cone with one of its two tips outside is a cone with one tip.
         row[0] = first;
         row[width] = last;
     }
 }
 
-/// `row[x]` = sum of all pixels above and of those left of `x`.
-fn prefix_row(above: &[u32], pixels: &[u8], row: &mut [u32]) {
-    let mut sum = 0_u32;
-    row[0] = 0;
-    for ((out, &up), &pixel) in row[1..].iter_mut().zip(&above[1..]).zip(pixels) {
-        sum = sum.wrapping_add(u32::from(pixel));
-        *out = up.wrapping_add(sum);
-    }
+/// The last two rows of a plane; `zeros` where it has only one.
+fn two_rows_above<'a>(plane: &'a [u32], stride: usize, zeros: &'a [u32]) -> (&'a [u32], &'a [u32]) {
+    let (before, above) = plane.split_at(plane.len() - stride);
+    let above_2 = before
+        .len()
+        .checked_sub(stride)
+        .map_or(zeros, |at| &before[at..]);
+    (above_2, above)
 }
 
-/// `row[i] = above[i] + above[i + 2] - above_2[i + 1] + a[i] + b[i]`, modulo 2^32.
-#[inline(never)] // inlined, the slices may alias for all the compiler knows: no vectors
-fn cone_row(above: &[u32], above_2: &[u32], a: &[u8], b: &[u8], row: &mut [u32]) {
-    let n = row.len();
-    let (left, right) = (&above[..n], &above[2..n + 2]);
-    let (twice, a, b) = (&above_2[1..=n], &a[..n], &b[..n]);
-    for i in 0..n {
-        row[i] = left[i]
-            .wrapping_add(right[i])
-            .wrapping_sub(twice[i])
-            .wrapping_add(u32::from(a[i]))
-            .wrapping_add(u32::from(b[i]));
+/// The stars and filters in use, for integral images of rows of `stride` elements.
+fn fill_bank(
+    params: StarParams,
+    stride: usize,
+    stars: &mut Vec<StarCorners>,
+    filters: &mut Vec<CentreSurround>,
+) {
+    let sizes = params.filters();
+    let mut radii = [0; 2 * FILTER_SIZES.len()];
+    let radii = &mut radii[..2 * sizes.len()];
+    for (pair, &size) in radii.chunks_exact_mut(2).zip(sizes) {
+        pair.copy_from_slice(&[usize::from(size) / 2, usize::from(size)]);
     }
+    radii.sort_unstable();
+    // A radius that occurs twice is summed once: `star_of` finds the first of equal ones.
+    let distinct = |at: &usize| *at == 0 || radii[*at] != radii[*at - 1];
+    stars.clear();
+    stars.extend((0..radii.len()).filter(distinct).map(|at| {
+        let stride = stride as isize;
+        let r = radii[at] as isize;
+        let t = rhombus_radius(radii[at]) as isize;
+        StarCorners {
+            square: [
+                (r + 1) * stride + r + 1,
+                (r + 1) * stride - r,
+                -r * stride + r + 1,
+                -r * stride - r,
+            ],
+            one_tip: [(t + 1) * stride + 1, -t * stride + 1],
+            two_tips: [-t, t + 1],
+        }
+    }));
+    let star_of = |radius: usize| {
+        (0..radii.len())
+            .filter(distinct)
+            .take_while(|&at| radii[at] < radius)
+            .count()
+    };
+    filters.clear();
+    filters.extend(sizes.iter().map(|&size| {
+        let (inner, outer) = (usize::from(size) / 2, usize::from(size));
+        CentreSurround {
+            size,
+            inner: star_of(inner),
+            outer: star_of(outer),
+            per_inner: 1.0 / star_area(inner) as f32,
+            per_ring: 1.0 / (star_area(outer) - star_area(inner)) as f32,
+        }
+    }));
 }
 
 /// Fills `responses` and `sizes`; both are zero along the border.
-fn respond(width: usize, height: usize, border: usize, bank: &FilterBank, s: &mut StarScratch) {
-    s.responses.clear();
-    s.responses.resize(width * height, 0.0);
-    s.sizes.clear();
-    s.sizes.resize(width * height, 0);
-    s.stars.resize(bank.radii.len() * CHUNK, 0);
-    s.sizes_of_chunk.resize(CHUNK, 0);
+fn respond(width: usize, height: usize, params: StarParams, kernel: Kernel, s: &mut StarScratch) {
+    let border = params.border();
+    if s.shape != (width, height, border) {
+        s.responses.clear();
+        s.responses.resize(width * height, 0.0);
+        s.sizes.clear();
+        s.sizes.resize(width * height, 0);
+        s.shape = (width, height, border);
+    }
     let stride = integral_stride(width);
-    for y in border..height - border {
-        for x in (border..width - border).step_by(CHUNK) {
-            let n = CHUNK.min(width - border - x);
-            for (&radius, out) in bank.radii.iter().zip(s.stars.chunks_exact_mut(CHUNK)) {
-                let upright = s.upright.as_slice();
-                let corner = |row: usize, column: usize| &upright[row * stride + column..][..n];
-                let square = [
-                    corner(y + radius + 1, x + radius + 1),
-                    corner(y + radius + 1, x - radius),
-                    corner(y - radius, x + radius + 1),
-                    corner(y - radius, x - radius),
-                ];
-                let t = rhombus_radius(radius);
-                let rhombus = [
-                    &s.cone_one[(y + t + 1) * stride + x + 1..][..n],
-                    &s.cone_two[y * stride + x - t..][..n],
-                    &s.cone_two[y * stride + x + t + 1..][..n],
-                    &s.cone_one[(y - t) * stride + x + 1..][..n],
-                ];
-                add_stars(square, rhombus, &mut out[..n]);
-            }
+    fill_bank(params, stride, &mut s.stars, &mut s.filters);
+    let bank = FilterBank {
+        upright: &s.upright,
+        one_tip: &s.one_tip,
+        two_tips: &s.two_tips,
+        stars: &s.stars,
+        filters: &s.filters,
+    };
+    for x in (border..width - border).step_by(STRIP) {
+        let n = STRIP.min(width - border - x);
+        for y in border..height - border {
             let at = y * width + x;
-            let best = &mut s.responses[at..][..n];
-            let sizes = &mut s.sizes_of_chunk[..n];
-            sizes.fill(0);
-            for filter in &bank.filters {
-                keep_strongest(
-                    filter,
-                    &s.stars[filter.inner * CHUNK..][..n],
-                    &s.stars[filter.outer * CHUNK..][..n],
-                    best,
-                    sizes,
-                );
-            }
-            for (narrow, &wide) in s.sizes[at..][..n].iter_mut().zip(&*sizes) {
-                *narrow = wide as u8;
-            }
+            kernel.keep_strongest(
+                bank,
+                y * stride + x,
+                &mut s.responses[at..][..n],
+                &mut s.sizes[at..][..n],
+            );
         }
     }
 }
 
-/// Sums of stars from the corners of their square and their rhombus.
-#[inline(never)] // inlined, the slices may alias for all the compiler knows: no vectors
-fn add_stars(square: [&[u32]; 4], rhombus: [&[u32]; 4], out: &mut [i32]) {
-    let n = out.len();
-    let [s0, s1, s2, s3] = square.map(|row| &row[..n]);
-    let [r0, r1, r2, r3] = rhombus.map(|row| &row[..n]);
-    for i in 0..n {
-        let square = s0[i]
-            .wrapping_sub(s1[i])
-            .wrapping_sub(s2[i])
-            .wrapping_add(s3[i]);
-        let rhombus = r0[i]
-            .wrapping_sub(r1[i])
-            .wrapping_sub(r2[i])
-            .wrapping_add(r3[i]);
-        out[i] = square.wrapping_add(rhombus).cast_signed();
-    }
-}
-
-/// The bits of the magnitude of a finite `f32`; ordered like the magnitudes.
-const fn magnitude(bits: u32) -> i32 {
-    (bits & 0x7FFF_FFFF).cast_signed()
-}
-
-/// Replaces the responses (and sizes) whose magnitude `filter` exceeds.
-#[inline(never)] // inlined, the slices may alias for all the compiler knows: no vectors
-fn keep_strongest(
-    filter: &Filter,
-    inner: &[i32],
-    outer: &[i32],
-    best: &mut [f32],
-    sizes: &mut [u32],
-) {
-    let n = best.len();
-    let (inner, outer, sizes) = (&inner[..n], &outer[..n], &mut sizes[..n]);
-    let size = u32::from(filter.size);
-    for i in 0..n {
-        let ring = outer[i].wrapping_sub(inner[i]);
-        let response = inner[i] as f32 * filter.per_inner - ring as f32 * filter.per_ring;
-        // Magnitudes compare as their bits do, and a choice by mask needs no branch: this is what makes
-        // the loop a vector loop.
-        let (new, old) = (response.to_bits(), best[i].to_bits());
-        let stronger = magnitude(new) > magnitude(old);
-        let mask = u32::from(stronger).wrapping_neg();
-        best[i] = f32::from_bits(new & mask | old & !mask);
-        sizes[i] = size & mask | sizes[i] & !mask;
-    }
-}
-
-/// The responses and sizes of an image, to be searched for keypoints.
-struct Field<'a> {
-    width: usize,
-    height: usize,
-    border: usize,
-    responses: &'a [f32],
-    sizes: &'a [u8],
-    largest: u8,
-    params: StarParams,
-}
-
-impl Field<'_> {
-    /// Appends every keypoint, tile by tile.
-    fn extrema(
-        &self,
-        column_max: &mut Vec<f32>,
-        column_min: &mut Vec<f32>,
-        keypoints: &mut Vec<Keypoint>,
-    ) {
-        let reach = usize::from(self.params.suppress_nonmax_size) / 2;
-        let threshold = f32::from(self.params.response_threshold);
-        let (left, right) = (self.border, self.width - self.border);
-        let bottom = self.height - self.border;
-        for top in (self.border..bottom).step_by(reach + 1) {
-            let rows = top..(top + reach + 1).min(bottom);
-            self.column_extremes(rows.clone(), column_max, column_min);
-            for first in (left..right).step_by(reach + 1) {
-                let columns = first..(first + reach + 1).min(right);
-                let within = columns.start - left..columns.end - left;
-                let highest = column_max[within.clone()]
-                    .iter()
-                    .copied()
-                    .fold(threshold, f32::max);
-                let lowest = column_min[within]
-                    .iter()
-                    .copied()
-                    .fold(-threshold, f32::min);
-                for (value, bright) in [(highest, true), (lowest, false)] {
-                    if value.abs() <= threshold {
-                        continue;
-                    }
-                    // The cheapest question first: most extrema are of the smallest size.
-                    if let Some((x, y)) = self.find(value, columns.clone(), rows.clone())
-                        && self.has_size_that_counts(x, y)
-                        && self.is_alone(x, y, reach, bright)
-                        && !self.is_on_line(x, y)
-                    {
-                        keypoints.push(Keypoint {
-                            x: x as f32,
-                            y: y as f32,
-                            size: f32::from(self.sizes[y * self.width + x]),
-                            response: highest,
-                        });
-                    }
+/// Appends the pixels that are strictly extreme in their window, beyond the threshold and of a size
+/// that counts.
+///
+/// Such a pixel is the only extreme one of its tile, because its window covers the tile.
+fn search(params: StarParams, kernel: Kernel, s: &mut StarScratch, candidates: &mut Vec<Keypoint>) {
+    let (width, height, border) = s.shape;
+    let reach = usize::from(params.suppress_nonmax_size) / 2;
+    let n = width - 2 * border;
+    let rule = ExtremeRule {
+        threshold: f32::from(params.response_threshold),
+        min_size: 4,
+        end_size: s.filters.last().map_or(0, |filter| filter.size),
+    };
+    // A ring of the rows of a window, and in front of it a row for their extremes.
+    let rows = 2 * reach + 1;
+    s.highest.resize((1 + rows) * n, 0.0);
+    s.lowest.resize((1 + rows) * n, 0.0);
+    s.marks.resize(n, 0);
+    let (highest, highest_of_rows) = s.highest.split_at_mut(n);
+    let (lowest, lowest_of_rows) = s.lowest.split_at_mut(n);
+    let tiles = Tiles {
+        width,
+        height,
+        border,
+        side: reach + 1,
+        responses: &s.responses,
+    };
+    for bottom in border - reach..height - border + reach {
+        let at = bottom % rows * n;
+        kernel.extremes_across(
+            &s.responses[bottom * width + border - reach..][..n + 2 * reach],
+            reach,
+            &mut highest_of_rows[at..][..n],
+            &mut lowest_of_rows[at..][..n],
+        );
+        if bottom < border + reach {
+            continue;
+        }
+        let y = bottom - reach;
+        highest.copy_from_slice(&highest_of_rows[..n]);
+        lowest.copy_from_slice(&lowest_of_rows[..n]);
+        for row in 1..rows {
+            let (high, low) = (&highest_of_rows[row * n..], &lowest_of_rows[row * n..]);
+            kernel.extremes_along(&high[..n], &low[..n], highest, lowest);
+        }
+        let first = y * width + border;
+        kernel.mark_extremes(
+            &s.responses[first..][..n],
+            &s.sizes[first..][..n],
+            highest,
+            lowest,
+            rule,
+            &mut s.marks[..n],
+        );
+        for (chunk, marks) in s.marks[..n].chunks(8).enumerate() {
+            if marks == [0; 8] {
+                continue;
+            }
+            for (i, _) in marks.iter().enumerate().filter(|&(_, &mark)| mark != 0) {
+                let x = border + 8 * chunk + i;
+                if is_alone(&s.responses, width, x, y, reach) {
+                    let value = s.responses[y * width + x];
+                    candidates.push(Keypoint {
+                        x: x as f32,
+                        y: y as f32,
+                        size: f32::from(s.sizes[y * width + x]),
+                        response: if value > 0.0 {
+                            value
+                        } else {
+                            tiles.highest(x, y, rule.threshold)
+                        },
+                    });
                 }
             }
         }
     }
+}
 
-    /// The largest and smallest response of each column inside the border, over `rows`.
-    fn column_extremes(
-        &self,
-        rows: std::ops::Range<usize>,
-        column_max: &mut Vec<f32>,
-        column_min: &mut Vec<f32>,
-    ) {
-        let n = self.width - 2 * self.border;
-        column_max.clear();
-        column_max.resize(n, f32::NEG_INFINITY);
-        column_min.clear();
-        column_min.resize(n, f32::INFINITY);
-        for y in rows {
-            let row = &self.responses[y * self.width + self.border..][..n];
-            for i in 0..n {
-                let value = row[i];
-                column_max[i] = if value > column_max[i] {
-                    value
-                } else {
-                    column_max[i]
-                };
-                column_min[i] = if value < column_min[i] {
-                    value
-                } else {
-                    column_min[i]
-                };
-            }
-        }
+/// Whether no other response within `reach` px equals the one at (`x`, `y`).
+fn is_alone(responses: &[f32], width: usize, x: usize, y: usize, reach: usize) -> bool {
+    let value = responses[y * width + x];
+    let equal = (y - reach..=y + reach)
+        .map(|row| {
+            let row = &responses[row * width + x - reach..][..=2 * reach];
+            row.iter().filter(|&&other| other == value).count()
+        })
+        .sum::<usize>();
+    equal == 1
+}
+
+/// The squares, side by side inside the border, whose highest response a minimum carries.
+struct Tiles<'a> {
+    width: usize,
+    height: usize,
+    border: usize,
+    side: usize,
+    responses: &'a [f32],
+}
+
+impl Tiles<'_> {
+    /// The highest response of the tile of (`x`, `y`), or `threshold` if none is above.
+    fn highest(&self, x: usize, y: usize, threshold: f32) -> f32 {
+        let first = |at: usize| at - (at - self.border) % self.side;
+        let columns = first(x)..(first(x) + self.side).min(self.width - self.border);
+        (first(y)..(first(y) + self.side).min(self.height - self.border))
+            .flat_map(|row| &self.responses[row * self.width..][columns.clone()])
+            .fold(threshold, |highest, &response| highest.max(response))
     }
+}
 
-    /// The first pixel with this response, row by row.
-    fn find(
-        &self,
-        value: f32,
-        columns: std::ops::Range<usize>,
-        rows: std::ops::Range<usize>,
-    ) -> Option<(usize, usize)> {
-        for y in rows {
-            let row = &self.responses[y * self.width..][columns.clone()];
-            if let Some(i) = row.iter().position(|&response| response == value) {
-                return Some((columns.start + i, y));
-            }
-        }
-        None
-    }
+/// The responses and sizes of an image, to be asked whether a candidate is on a line.
+pub(super) struct Field<'a> {
+    width: usize,
+    responses: &'a [f32],
+    sizes: &'a [u8],
+    params: StarParams,
+}
 
-    /// Whether no other response within `reach` px is as extreme as the one at (`x`, `y`).
-    fn is_alone(&self, x: usize, y: usize, reach: usize, bright: bool) -> bool {
-        let value = self.responses[y * self.width + x];
-        let mut as_extreme = 0;
-        for row in y - reach..=y + reach {
-            let row = &self.responses[row * self.width + x - reach..][..=2 * reach];
-            as_extreme += row
-                .iter()
-                .filter(|&&other| {
-                    if bright {
-                        other >= value
-                    } else {
-                        other <= value
-                    }
-                })
-                .count();
-            if as_extreme > 1 {
-                return false;
-            }
-        }
-        true
-    }
-
-    /// Whether keypoints may have the size of (`x`, `y`).
-    fn has_size_that_counts(&self, x: usize, y: usize) -> bool {
-        let size = self.sizes[y * self.width + x];
-        size >= 4 && size < self.largest
-    }
-
-    fn is_on_line(&self, x: usize, y: usize) -> bool {
+impl Field<'_> {
+    /// Whether a candidate is on a line, and so is no keypoint.
+    pub(super) fn is_on_line(&self, candidate: &Keypoint) -> bool {
+        let (x, y) = (candidate.x as usize, candidate.y as usize);
         let size = self.sizes[y * self.width + x];
         self.is_on_line_of_sizes(x, y, size) || self.is_on_line_of_responses(x, y, size)
     }

@@ -15,9 +15,10 @@ use serde::{Deserialize, Serialize};
 
 use super::brief::{self, BriefScratch};
 use super::selection::{check_mask, drop_masked, sort_keypoints};
-use super::star::{self, StarParams, StarScratch};
+use super::star::{self, Field, StarParams, StarScratch};
 use super::{Extractor, ExtractorConfig, Features, GrayImage, Keypoint};
 use crate::error::Result;
+use crate::simd::Kernel;
 
 /// The configuration of [`StarBrief`]; the default is the reference recipe.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -102,6 +103,7 @@ impl StarBriefConfig {
 #[derive(Default)]
 pub struct StarBrief {
     config: StarBriefConfig,
+    kernel: Kernel,
     /// One per thread that extracts at the same time.
     pool: Mutex<Vec<Scratch>>,
 }
@@ -110,14 +112,21 @@ pub struct StarBrief {
 struct Scratch {
     star: StarScratch,
     brief: BriefScratch,
+    candidates: Vec<Keypoint>,
 }
 
 impl StarBrief {
     /// An extractor; values it cannot work with are a [`ErrorKind::Config`](crate::ErrorKind::Config) error.
     pub fn new(config: StarBriefConfig) -> Result<Self> {
+        Self::with_kernel(config, Kernel::best())
+    }
+
+    /// With a given kernel; the features are the same for all.
+    pub fn with_kernel(config: StarBriefConfig, kernel: Kernel) -> Result<Self> {
         config.star().check()?;
         Ok(Self {
             config,
+            kernel,
             pool: Mutex::default(),
         })
     }
@@ -125,21 +134,24 @@ impl StarBrief {
     /// All keypoints of `image` before the cut and without regard to BRIEF's border, in the order of
     /// [`Extractor`].
     pub fn detect(&self, image: &GrayImage, mask: Option<&GrayImage>) -> Result<Vec<Keypoint>> {
-        self.with_scratch(|scratch| self.detect_with(scratch, image, mask))
+        check_mask(image, mask)?;
+        self.with_scratch(|Scratch { star, .. }| {
+            let mut keypoints = Vec::new();
+            let field = self.candidates(star, image, &mut keypoints);
+            keypoints.retain(|keypoint| !field.is_on_line(keypoint));
+            drop_masked(&mut keypoints, mask);
+            sort_keypoints(&mut keypoints);
+            Ok(keypoints)
+        })
     }
 
-    fn detect_with(
+    fn candidates<'a>(
         &self,
-        scratch: &mut Scratch,
+        star: &'a mut StarScratch,
         image: &GrayImage,
-        mask: Option<&GrayImage>,
-    ) -> Result<Vec<Keypoint>> {
-        check_mask(image, mask)?;
-        let mut keypoints = Vec::new();
-        star::detect(image, self.config.star(), &mut scratch.star, &mut keypoints);
-        drop_masked(&mut keypoints, mask);
-        sort_keypoints(&mut keypoints);
-        Ok(keypoints)
+        keypoints: &mut Vec<Keypoint>,
+    ) -> Field<'a> {
+        star::candidates(image, self.config.star(), self.kernel, star, keypoints)
     }
 
     fn with_scratch<T>(&self, work: impl FnOnce(&mut Scratch) -> T) -> T {
@@ -157,14 +169,41 @@ impl Extractor for StarBrief {
     }
 
     fn extract(&self, image: &GrayImage, mask: Option<&GrayImage>) -> Result<Features> {
-        self.with_scratch(|scratch| {
-            let mut keypoints = self.detect_with(scratch, image, mask)?;
-            let (width, height) = (image.width(), image.height());
-            keypoints.retain(|keypoint| brief::is_describable(keypoint, width, height));
-            keypoints.truncate(self.config.num_features);
-            let mut descriptors = Vec::with_capacity(keypoints.len());
-            brief::describe(image, &keypoints, &mut scratch.brief, &mut descriptors);
-            Features::from_parts(keypoints, descriptors)
-        })
+        let mut features = Features::new();
+        self.extract_into(image, mask, &mut features)?;
+        Ok(features)
+    }
+
+    fn extract_into(
+        &self,
+        image: &GrayImage,
+        mask: Option<&GrayImage>,
+        features: &mut Features,
+    ) -> Result<()> {
+        check_mask(image, mask)?;
+        self.with_scratch(
+            |Scratch {
+                 star,
+                 brief,
+                 candidates,
+             }| {
+                let field = self.candidates(star, image, candidates);
+                let (width, height) = (image.width(), image.height());
+                candidates.retain(|keypoint| brief::is_describable(keypoint, width, height));
+                drop_masked(candidates, mask);
+                // The line test costs most and is asked last: of the strongest, until there are enough.
+                sort_keypoints(candidates);
+                let (keypoints, descriptors) = features.parts_mut();
+                keypoints.clear();
+                keypoints.extend(
+                    candidates
+                        .iter()
+                        .filter(|keypoint| !field.is_on_line(keypoint))
+                        .take(self.config.num_features),
+                );
+                brief::describe(image, keypoints, self.kernel, brief, descriptors);
+                Ok(())
+            },
+        )
     }
 }

@@ -201,6 +201,11 @@ impl Features {
         self.descriptors.push(descriptor);
     }
 
+    /// Both arrays, to be filled by an extractor, which gives them one length.
+    pub(super) fn parts_mut(&mut self) -> (&mut Vec<Keypoint>, &mut Vec<Descriptor>) {
+        (&mut self.keypoints, &mut self.descriptors)
+    }
+
     /// Keeps the first `len` features.
     pub fn truncate(&mut self, len: usize) {
         self.keypoints.truncate(len);

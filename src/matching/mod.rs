@@ -27,11 +27,13 @@
 //! the camera is.
 
 mod config;
+mod inverted;
 mod matcher;
 mod two_way;
 mod vote;
 
 pub use config::{Direction, MatchConfig, MatchConfigBuilder, Window, passes_ratio};
+pub use inverted::{ExactSearch, InvertedFile, NearestNeighbours, SearchScratch};
 pub use matcher::{Match, MatchScratch, Matcher};
 pub use two_way::{TwoWay, TwoWayConfig, Verdict};
 pub use vote::{

@@ -4,11 +4,11 @@
 //! added (at most 32) before one horizontal sum.
 
 use std::arch::x86_64::{
-    __m256i, _mm256_add_epi8, _mm256_add_epi32, _mm256_and_si256, _mm256_andnot_si256,
-    _mm256_cmpgt_epi32, _mm256_load_si256, _mm256_max_epu32, _mm256_min_epu32, _mm256_or_si256,
-    _mm256_sad_epu8, _mm256_set_epi32, _mm256_set1_epi8, _mm256_set1_epi32, _mm256_set1_epi64x,
-    _mm256_setr_epi8, _mm256_setzero_si256, _mm256_shuffle_epi8, _mm256_slli_epi64,
-    _mm256_srli_epi16, _mm256_storeu_si256, _mm256_xor_si256,
+    __m256i, _mm256_add_epi8, _mm256_add_epi32, _mm256_add_epi64, _mm256_and_si256,
+    _mm256_andnot_si256, _mm256_cmpgt_epi32, _mm256_load_si256, _mm256_max_epu32, _mm256_min_epu32,
+    _mm256_or_si256, _mm256_sad_epu8, _mm256_set_epi32, _mm256_set1_epi8, _mm256_set1_epi32,
+    _mm256_set1_epi64x, _mm256_setr_epi8, _mm256_setzero_si256, _mm256_shuffle_epi8,
+    _mm256_slli_epi64, _mm256_srli_epi16, _mm256_storeu_si256, _mm256_xor_si256,
 };
 use std::ops::Range;
 
@@ -175,4 +175,40 @@ pub(super) fn distances(query: &[u64; 4], groups: &[Group], out: &mut [u16]) {
             }
         }
     }
+}
+
+/// The sum of the distances of all `queries` to all rows.
+#[target_feature(enable = "avx2")]
+pub(super) fn sum_of_distances(queries: &[[u64; 4]], groups: &[Group]) -> u64 {
+    let (passes, rest) = queries.as_chunks::<QUERIES_PER_PASS>();
+    let passes = passes.iter().map(|queries| sum_of_pass(queries, groups));
+    let rest = rest
+        .iter()
+        .map(|query| sum_of_pass(std::array::from_ref(query), groups));
+    passes.chain(rest).sum()
+}
+
+#[target_feature(enable = "avx2")]
+#[inline]
+fn sum_of_pass<const N: usize>(queries: &[[u64; 4]; N], groups: &[Group]) -> u64 {
+    let mut spreads = [[_mm256_setzero_si256(); 4]; N];
+    for (spread, query) in spreads.iter_mut().zip(queries) {
+        *spread = self::spread(query);
+    }
+    let mut sums = [_mm256_setzero_si256(); N];
+    for group in groups {
+        for half in 0..2 {
+            for n in 0..N {
+                let (even, odd) = distances_of_half(&spreads[n], group, half);
+                sums[n] = _mm256_add_epi64(sums[n], _mm256_add_epi64(even, odd));
+            }
+        }
+    }
+    let mut total = 0;
+    for sum in sums {
+        let [a, b, c, d, e, f, g, h] = lanes(sum).map(u64::from);
+        // Lanes of 64 bits, low halves first.
+        total += a + c + e + g + ((b + d + f + h) << 32);
+    }
+    total
 }

@@ -4,9 +4,9 @@ use std::arch::x86_64::{
     __m256i, __m512i, _mm256_storeu_si256, _mm512_add_epi32, _mm512_add_epi64,
     _mm512_cmpeq_epu32_mask, _mm512_cmpge_epu32_mask, _mm512_cmplt_epu32_mask,
     _mm512_cvtepi32_epi16, _mm512_load_si512, _mm512_mask_mov_epi32, _mm512_max_epu32,
-    _mm512_min_epu32, _mm512_or_si512, _mm512_popcnt_epi64, _mm512_reduce_min_epu32,
-    _mm512_set_epi32, _mm512_set1_epi32, _mm512_set1_epi64, _mm512_setzero_si512,
-    _mm512_slli_epi64, _mm512_ternarylogic_epi64, _mm512_xor_si512,
+    _mm512_min_epu32, _mm512_or_si512, _mm512_popcnt_epi64, _mm512_reduce_add_epi64,
+    _mm512_reduce_min_epu32, _mm512_set_epi32, _mm512_set1_epi32, _mm512_set1_epi64,
+    _mm512_setzero_si512, _mm512_slli_epi64, _mm512_ternarylogic_epi64, _mm512_xor_si512,
 };
 use std::ops::Range;
 
@@ -175,4 +175,34 @@ pub(super) fn distances(query: &[u64; 4], groups: &[Group], out: &mut [u16]) {
         unsafe { _mm256_storeu_si256(lanes.as_mut_ptr().cast(), narrow) };
         out.copy_from_slice(&lanes[..out.len()]);
     }
+}
+
+/// The sum of the distances of all `queries` to all rows.
+#[target_feature(enable = "avx512f,avx512vpopcntdq")]
+pub(super) fn sum_of_distances(queries: &[[u64; 4]], groups: &[Group]) -> u64 {
+    let (passes, rest) = queries.as_chunks::<QUERIES_PER_PASS>();
+    let passes = passes.iter().map(|queries| sum_of_pass(queries, groups));
+    let rest = rest
+        .iter()
+        .map(|query| sum_of_pass(std::array::from_ref(query), groups));
+    passes.chain(rest).sum()
+}
+
+#[target_feature(enable = "avx512f,avx512vpopcntdq")]
+#[inline]
+fn sum_of_pass<const N: usize>(queries: &[[u64; 4]; N], groups: &[Group]) -> u64 {
+    let mut spreads = [[_mm512_setzero_si512(); 4]; N];
+    for (spread, query) in spreads.iter_mut().zip(queries) {
+        *spread = self::spread(query);
+    }
+    let mut sums = [_mm512_setzero_si512(); N];
+    for group in groups {
+        for n in 0..N {
+            let (even, odd) = distances_of_group(&spreads[n], group);
+            sums[n] = _mm512_add_epi64(sums[n], _mm512_add_epi64(even, odd));
+        }
+    }
+    sums.into_iter()
+        .map(|sum| _mm512_reduce_add_epi64(sum).cast_unsigned())
+        .sum()
 }

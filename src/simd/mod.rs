@@ -28,6 +28,7 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+pub(crate) mod image;
 #[cfg(target_arch = "aarch64")]
 mod neon;
 mod packed;
@@ -231,8 +232,13 @@ impl Kernel {
 
     #[cfg(target_arch = "x86_64")]
     fn avx512() -> Option<Self> {
-        (is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vpopcntdq"))
-            .then_some(Self(Kind::Avx512))
+        // Every CPU that counts ones of vectors has the others too, but for one accelerator card.
+        (is_x86_feature_detected!("avx512f")
+            && is_x86_feature_detected!("avx512bw")
+            && is_x86_feature_detected!("avx512dq")
+            && is_x86_feature_detected!("avx512vl")
+            && is_x86_feature_detected!("avx512vpopcntdq"))
+        .then_some(Self(Kind::Avx512))
     }
 
     #[cfg(not(target_arch = "x86_64"))]
@@ -276,6 +282,24 @@ impl Kernel {
         assert_eq!(queries.len(), out.len(), "one answer per query");
         out.fill(NearestTwo::EMPTY);
         self.scan_packed(queries, train, 0..train.len(), out);
+    }
+
+    /// As [`nearest_two_packed`](Self::nearest_two_packed), among the given rows only, which keep their
+    /// numbers: one of many small sets that are packed together.
+    ///
+    /// # Panics
+    /// If `out` has another length than `queries`, or `train` has no such rows.
+    pub fn nearest_two_of_rows<D: Bits256>(
+        self,
+        queries: &[D],
+        train: &PackedDescriptors,
+        rows: Range<usize>,
+        out: &mut [NearestTwo],
+    ) {
+        assert_eq!(queries.len(), out.len(), "one answer per query");
+        assert!(rows.end <= train.len(), "rows {rows:?} of {}", train.len());
+        out.fill(NearestTwo::EMPTY);
+        self.scan_packed(queries, train, rows, out);
     }
 
     /// The two nearest among the first `checkpoints[c]` rows of `train`, for every `c`, in one pass.
@@ -343,6 +367,43 @@ impl Kernel {
             // SAFETY: a kernel of this kind exists only after its CPU feature was detected.
             Kind::Neon => unsafe { neon::distances(&query, groups, out) },
         }
+    }
+
+    /// The sum of the distances in bits of all `queries` to all rows of `train`.
+    ///
+    /// It takes the loads, exclusive ors, popcounts and additions of a search, in the same order of
+    /// memory, and nothing else: the limit that a search on this CPU is measured against.
+    pub fn sum_of_distances<D: Bits256>(self, queries: &[D], train: &PackedDescriptors) -> u64 {
+        let (whole, rest) = train.groups().split_at(train.len() / ROWS_PER_GROUP);
+        let mut sum = 0;
+        let mut words = [[0; 4]; QUERIES_PER_TILE];
+        for groups in whole.chunks(GROUPS_PER_BLOCK) {
+            for queries in queries.chunks(QUERIES_PER_TILE) {
+                let words = &mut words[..queries.len()];
+                for (words, query) in words.iter_mut().zip(queries) {
+                    *words = query.words();
+                }
+                sum += match self.0 {
+                    Kind::Scalar => scalar::sum_of_distances(words, groups),
+                    #[cfg(target_arch = "x86_64")]
+                    // SAFETY: a kernel of this kind exists only after its CPU feature was detected.
+                    Kind::Avx2 => unsafe { avx2::sum_of_distances(words, groups) },
+                    #[cfg(target_arch = "x86_64")]
+                    // SAFETY: a kernel of this kind exists only after its CPU features were detected.
+                    Kind::Avx512 => unsafe { avx512::sum_of_distances(words, groups) },
+                    #[cfg(target_arch = "aarch64")]
+                    // SAFETY: a kernel of this kind exists only after its CPU feature was detected.
+                    Kind::Neon => unsafe { neon::sum_of_distances(words, groups) },
+                };
+            }
+        }
+        let mut distances = [0; ROWS_PER_GROUP];
+        let distances = &mut distances[..train.len() % ROWS_PER_GROUP];
+        for query in queries {
+            scalar::distances(&query.words(), rest, distances);
+            sum += distances.iter().map(|&bits| u64::from(bits)).sum::<u64>();
+        }
+        sum
     }
 
     /// Takes `train` into `state`; its row 0 has the number `base`, above all rows taken before.

@@ -3,9 +3,10 @@
 //! Not verified: this kernel has been neither compiled nor run yet.
 
 use std::arch::aarch64::{
-    uint32x4_t, uint64x2_t, vaddq_u8, vcntq_u8, vdupq_n_u8, vdupq_n_u32, vdupq_n_u64, veorq_u64,
-    vld1q_u32, vld1q_u64, vmaxq_u32, vminq_u32, vorrq_u32, vorrq_u64, vpaddlq_u8, vpaddlq_u16,
-    vpaddlq_u32, vreinterpretq_u8_u64, vreinterpretq_u32_u64, vshlq_n_u64, vst1q_u32,
+    uint32x4_t, uint64x2_t, vaddq_u8, vaddq_u64, vaddvq_u64, vcntq_u8, vdupq_n_u8, vdupq_n_u32,
+    vdupq_n_u64, veorq_u64, vld1q_u32, vld1q_u64, vmaxq_u32, vminq_u32, vorrq_u32, vorrq_u64,
+    vpaddlq_u8, vpaddlq_u16, vpaddlq_u32, vreinterpretq_u8_u64, vreinterpretq_u32_u64, vshlq_n_u64,
+    vst1q_u32,
 };
 use std::ops::Range;
 
@@ -133,4 +134,22 @@ pub(super) fn distances(query: &[u64; 4], groups: &[Group], out: &mut [u16]) {
             }
         }
     }
+}
+
+/// The sum of the distances of all `queries` to all rows.
+#[target_feature(enable = "neon")]
+pub(super) fn sum_of_distances(queries: &[[u64; 4]], groups: &[Group]) -> u64 {
+    let mut total = 0;
+    for query in queries {
+        let query = spread(query);
+        let mut sum = vdupq_n_u64(0);
+        for group in groups {
+            for quarter in 0..4 {
+                let (even, odd) = distances_of_quarter(&query, group, quarter);
+                sum = vaddq_u64(sum, vaddq_u64(even, odd));
+            }
+        }
+        total += vaddvq_u64(sum);
+    }
+    total
 }

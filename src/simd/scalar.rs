@@ -36,3 +36,16 @@ pub(super) fn distances(query: &[u64; 4], groups: &[Group], out: &mut [u16]) {
         }
     }
 }
+
+/// The sum of the distances of all `queries` to all rows.
+pub(super) fn sum_of_distances(queries: &[[u64; 4]], groups: &[Group]) -> u64 {
+    let mut sum = 0;
+    for group in groups {
+        for row in 0..ROWS_PER_GROUP {
+            let words = group.row(row);
+            let distances = queries.iter().map(|query| distance_bits(query, &words));
+            sum += distances.map(u64::from).sum::<u64>();
+        }
+    }
+    sum
+}

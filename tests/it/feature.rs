@@ -11,6 +11,7 @@ use chronotope::feature::{
     DecodeLimits, Descriptor, Extractor, Features, GrayImage, Keypoint, LoadOptions, Rect,
     Rotation, StarBrief, StarBriefConfig, load_gray, load_mask,
 };
+use chronotope::simd::Kernel;
 use proptest::prelude::*;
 
 /// The generator of `scripts/make_golden.py`.
@@ -259,6 +260,42 @@ proptest! {
             let first = literal_box(&picture, x - 1, y - 2) < literal_box(&picture, x - 1, y + 7);
             let last = literal_box(&picture, x + 2, y + 6) < literal_box(&picture, x + 6, y - 6);
             prop_assert_eq!((bytes[0] >> 7 == 1, bytes[31] & 1 == 1), (first, last));
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn every_kernel_finds_the_features_of_its_scalar_twin(
+        kind in any_kind(),
+        width in 50_usize..330,
+        height in 50_usize..200,
+        max_size in prop_oneof![Just(8), Just(16), Just(45)],
+        window in 1_u8..9,
+        seed in 1_u64..1000,
+    ) {
+        let picture = draw(kind, width, height, seed);
+        let config = StarBriefConfig::default()
+            .with_max_size(max_size)
+            .with_suppress_nonmax_size(window);
+        let of = |kernel| StarBrief::with_kernel(config.clone(), kernel).expect("valid");
+        let twin = of(Kernel::scalar());
+        let (points, expected) = (twin.detect(&picture, None), twin.extract(&picture, None));
+        let (points, expected) = (points.expect("detects"), expected.expect("extracts"));
+        for kernel in Kernel::available() {
+            let extractor = of(kernel);
+            // Twice, because the second image of a size finds the buffers of the first.
+            for _ in 0..2 {
+                prop_assert_eq!(&extractor.detect(&picture, None).expect("detects"), &points);
+                let mut features = Features::new();
+                extractor.extract_into(&picture, None, &mut features).expect("extracts");
+                prop_assert_eq!(&features, &expected);
+            }
+            let other = draw(kind, height + 30, width, seed);
+            extractor.detect(&other, None).expect("detects");
+            prop_assert_eq!(&extractor.detect(&picture, None).expect("detects"), &points);
         }
     }
 }

@@ -2,8 +2,9 @@
 
 use chronotope::feature::{Descriptor, Features, Keypoint};
 use chronotope::matching::{
-    Direction, Displacement, Match, MatchConfig, MatchScratch, Matcher, TwoWay, TwoWayConfig,
-    VoteConfig, VoteScratch, Window, displacements_into, vote_displacement, vote_subset,
+    Direction, Displacement, ExactSearch, InvertedFile, Match, MatchConfig, MatchScratch, Matcher,
+    NearestNeighbours, SearchScratch, TwoWay, TwoWayConfig, VoteConfig, VoteScratch, Window,
+    displacements_into, vote_displacement, vote_subset,
 };
 use chronotope::simd::{Kernel, NearestTwo, PackedDescriptors};
 use proptest::prelude::*;
@@ -106,6 +107,79 @@ proptest! {
     }
 
     #[test]
+    fn rows_out_of_many_are_searched_as_if_they_were_all(
+        queries in descriptors(9),
+        train in descriptors(90),
+        first in 0_usize..90,
+        len in 0_usize..60,
+    ) {
+        let rows = first.min(train.len())..(first + len).min(train.len());
+        let moved = |id: u32| if id == NearestTwo::NONE { id } else { id + rows.start as u32 };
+        let mut expected = nearest_two_of_all(&queries, &train[rows.clone()]);
+        for found in &mut expected {
+            (found.best, found.second) = (moved(found.best), moved(found.second));
+        }
+        let packed = PackedDescriptors::pack(&train);
+        for kernel in Kernel::available() {
+            let mut out = vec![NearestTwo::EMPTY; queries.len()];
+            kernel.nearest_two_of_rows(&queries, &packed, rows.clone(), &mut out);
+            prop_assert_eq!(&out, &expected, "{}", kernel);
+        }
+    }
+
+    #[test]
+    fn every_kernel_sums_every_distance(queries in descriptors(11), train in descriptors(90)) {
+        let expected: u64 = queries
+            .iter()
+            .flat_map(|query| train.iter().map(|row| u64::from(query.distance_bits(row))))
+            .sum();
+        let packed = PackedDescriptors::pack(&train);
+        for kernel in Kernel::available() {
+            prop_assert_eq!(kernel.sum_of_distances(&queries, &packed), expected, "{}", kernel);
+        }
+    }
+
+    #[test]
+    fn an_inverted_file_that_searches_every_list_is_exact(
+        queries in descriptors(9),
+        train in descriptors(120),
+        num_lists in 1_usize..20,
+    ) {
+        let expected = nearest_two_of_all(&queries, &train);
+        let mut scratch = SearchScratch::default();
+        let mut out = vec![NearestTwo::EMPTY; queries.len()];
+        ExactSearch::new(&train).nearest_two_into(&mut scratch, &queries, &mut out);
+        prop_assert_eq!(&out, &expected);
+        let file = InvertedFile::new(&train, num_lists, num_lists).expect("valid");
+        prop_assert_eq!(file.num_rows(), train.len());
+        file.nearest_two_into(&mut scratch, &queries, &mut out);
+        prop_assert_eq!(&out, &expected);
+    }
+
+    #[test]
+    fn an_inverted_file_answers_alike_with_every_kernel_and_finds_itself(
+        train in descriptors(120),
+        num_lists in 1_usize..20,
+        probes in 1_usize..4,
+    ) {
+        let mut scratch = SearchScratch::default();
+        let mut out = vec![NearestTwo::EMPTY; train.len()];
+        let mut first = None;
+        for kernel in Kernel::available() {
+            let file = InvertedFile::with_kernel(&train, num_lists, probes, kernel).expect("valid");
+            file.nearest_two_into(&mut scratch, &train, &mut out);
+            // A row is in the list of its nearest centroid, which is the first to be searched.
+            prop_assert!(out.iter().all(|found| found.best_bits == 0));
+            for (i, (row, found)) in train.iter().zip(&out).enumerate() {
+                let mut alone = [NearestTwo::EMPTY];
+                file.nearest_two_into(&mut scratch, std::slice::from_ref(row), &mut alone);
+                prop_assert_eq!(alone[0], *found, "query {}", i);
+            }
+            prop_assert_eq!(&out, first.get_or_insert_with(|| out.clone()));
+        }
+    }
+
+    #[test]
     fn prefixes_in_one_pass_equal_separate_searches(
         queries in descriptors(6),
         train in descriptors(90),
@@ -132,6 +206,19 @@ proptest! {
             prop_assert_eq!(&seen, &expected, "{} packed", kernel);
         }
     }
+}
+
+#[test]
+fn an_inverted_file_of_nothing_is_refused_or_finds_nothing() {
+    for (num_lists, probes) in [(0, 1), (1, 0)] {
+        let error = InvertedFile::new(&[], num_lists, probes).unwrap_err();
+        assert_eq!(error.kind(), chronotope::ErrorKind::Config);
+    }
+    let empty = InvertedFile::new(&[], 8, 2).unwrap();
+    let mut out = [NearestTwo::EMPTY];
+    let mut scratch = SearchScratch::default();
+    empty.nearest_two_into(&mut scratch, &[Descriptor([1; 4])], &mut out);
+    assert_eq!((out[0], empty.num_lists()), (NearestTwo::EMPTY, 0));
 }
 
 #[test]

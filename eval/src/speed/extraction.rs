@@ -1,0 +1,60 @@
+//! How long do 500 STAR keypoints and their BRIEF bits take, from grey bytes?
+
+use anyhow::{Result, ensure};
+use chronotope::feature::{Extractor, Features, StarBrief, StarBriefConfig};
+use chronotope::simd::Kernel;
+
+use super::{Material, Measurement, Python, time};
+
+const SECTION: &str = "extraction, 500 features";
+
+/// Each kernel, and OpenCV where there is a Python with it, on the same grey bytes.
+pub(super) fn measure(material: &Material, python: Option<&Python>) -> Result<Vec<Measurement>> {
+    let Some(first) = material.images.first() else {
+        return Ok(Vec::new());
+    };
+    let case = format!("{} x {} px", first.width(), first.height());
+    let mut rows = Vec::new();
+    let mut found: Option<Vec<Features>> = None;
+    for kernel in Kernel::available() {
+        let extractor = StarBrief::with_kernel(StarBriefConfig::default(), kernel)?;
+        let mut features = Features::new();
+        let mut all = Vec::new();
+        let mut ms = Vec::new();
+        for image in &material.images {
+            all.push(extractor.extract(image, None)?);
+            let mut outcome = Ok(());
+            ms.extend(time(5, || {
+                outcome = extractor.extract_into(image, None, &mut features);
+            }));
+            outcome?;
+        }
+        let expected = found.get_or_insert_with(|| all.clone());
+        ensure!(*expected == all, "kernel {kernel} finds other features");
+        rows.push(Measurement::new(SECTION, &case, kernel.name(), &ms));
+    }
+    if let (Some(python), Some(found)) = (python, &found) {
+        let theirs = python.extract(&material.images)?;
+        for (image, (theirs, ours)) in theirs.checksums.iter().zip(found).enumerate() {
+            ensure!(
+                *theirs == checksum(ours),
+                "OpenCV finds other features in image {image}: {theirs:?}, not {:?}",
+                checksum(ours)
+            );
+        }
+        let note = format!("version {}, one thread, features equal", theirs.version);
+        rows.push(
+            Measurement::new(SECTION, &case, "OpenCV", &theirs.ms)
+                .reference()
+                .note(note),
+        );
+    }
+    Ok(rows)
+}
+
+/// How many features, and the sum of their bytes, each times its place from 1.
+fn checksum(features: &Features) -> (u64, u64) {
+    let bytes = features.descriptors().iter().flat_map(|one| one.to_bytes());
+    let sum = (1..).zip(bytes).map(|(i, byte)| i * u64::from(byte)).sum();
+    (features.len() as u64, sum)
+}

@@ -1,0 +1,174 @@
+//! Does localising allocate once its memory is warm? Does extraction?
+//!
+//! A test target of its own, because the allocator that counts is that of the whole binary.
+#![allow(clippy::unwrap_used, clippy::expect_used)] // reason: a test that cannot prepare itself has failed.
+#![allow(unsafe_code)] // reason: an allocator is unsafe to write; this one counts and passes on.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::sync::{Arc, OnceLock};
+
+use chronotope::Time;
+use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
+use chronotope::feature::{Extractor, Features, StarBrief};
+use chronotope::learn::{KeepAppearances, LearnConfig, Learner, Observation};
+use chronotope::localize::{
+    Localization, Localizer, LocalizerConfig, Method, Preset, Query, Score,
+};
+use chronotope::map::{MapMeta, SessionId, Snapshot};
+
+/// Passes on to the system's allocator and counts the calls of each thread.
+struct Counting;
+
+thread_local! {
+    static NUM_ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
+}
+
+fn count_one() {
+    // A thread that is being taken down allocates uncounted.
+    let _ = NUM_ALLOCATIONS.try_with(|count| count.set(count.get() + 1));
+}
+
+// SAFETY: every call goes to `System` unchanged; counting touches a constant-initialised `Cell` of this
+// thread, which itself never allocates.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count_one();
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
+        count_one();
+        // SAFETY: the caller keeps the contract of `realloc`, and `pointer` came from `System`.
+        unsafe { System.realloc(pointer, layout, new_size) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller keeps the contract of `dealloc`, and `pointer` came from `System`.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// How often `work` allocates on this thread.
+fn allocations(work: impl FnOnce()) -> usize {
+    let before = NUM_ALLOCATIONS.get();
+    work();
+    NUM_ALLOCATIONS.get() - before
+}
+
+/// Rounds of all queries until memory is warm.
+const WARM_UP: usize = 8;
+
+/// Three places learnt over eight rounds, and what is seen at two later ones.
+struct Street {
+    snapshots: Vec<(Preset, Arc<Snapshot>)>,
+    queries: Vec<(Time, Features)>,
+}
+
+fn street() -> &'static Street {
+    static STREET: OnceLock<Street> = OnceLock::new();
+    STREET.get_or_init(|| {
+        let world = World::new(&WorldConfig::new(11).num_places(3)).unwrap();
+        let schedule = Schedule::standard(11, 8, 2);
+        let extractor = StarBrief::default();
+        let mut learners = Preset::ALL.map(|preset| {
+            let cfg = LearnConfig::preset(preset).with_keep_appearances(KeepAppearances::All);
+            let meta = MapMeta::new(1, extractor.id(), preset.name());
+            (preset, Learner::new(cfg, meta))
+        });
+        for entry in world.dataset("learn", &schedule.learn).entries {
+            let image = entry.source.load().unwrap();
+            let features = extractor.extract(&image, None).unwrap();
+            for (_, learner) in &mut learners {
+                let observation = Observation {
+                    place: entry.place.clone(),
+                    session: SessionId::derive("learn"),
+                    time: entry.time,
+                    features: &features,
+                    image_size: (image.width() as u32, image.height() as u32),
+                    mask: None,
+                    source: entry.id.clone(),
+                };
+                learner.observe(&observation).unwrap();
+            }
+        }
+        let queries = world.dataset("query", &schedule.query).entries;
+        let see = |source: &dyn chronotope::dataset::ImageSource| {
+            let image = source.load().unwrap();
+            extractor.extract(&image, None).unwrap()
+        };
+        Street {
+            snapshots: learners
+                .map(|(preset, mut learner)| (preset, learner.snapshot().unwrap()))
+                .into(),
+            queries: (queries.iter())
+                .map(|entry| (entry.time, see(entry.source.as_ref())))
+                .collect(),
+        }
+    })
+}
+
+#[test]
+fn the_counter_counts() {
+    assert_eq!(allocations(|| drop(std::hint::black_box(Box::new(1)))), 1);
+}
+
+#[test]
+fn localising_allocates_nothing_once_warm() {
+    let street = street();
+    for (preset, snapshot) in &street.snapshots {
+        for method in Method::ALL {
+            for score in [Score::Count, Score::Inliers] {
+                let cfg = LocalizerConfig::preset(*preset)
+                    .with_method(method)
+                    .with_score(score);
+                let localizer = Localizer::new(Arc::clone(snapshot), cfg).unwrap();
+                let mut scratch = localizer.scratch();
+                let mut out = Localization::default();
+                let mut all = |out: &mut Localization| {
+                    for (time, features) in &street.queries {
+                        let query = Query {
+                            features,
+                            time: Some(*time),
+                            image_size: None,
+                        };
+                        localizer.localize_into(&mut scratch, &query, out).unwrap();
+                    }
+                };
+                // More than once: ranking moves the places' buffers around, and each must have grown to
+                // the largest place's evidence.
+                for _ in 0..WARM_UP {
+                    all(&mut out);
+                }
+                let first = out.first().map(|first| first.node);
+                let count = allocations(|| all(&mut out));
+                assert_eq!(count, 0, "{} {method} {score:?}", preset.name());
+                assert_eq!(out.first().map(|first| first.node), first);
+            }
+        }
+    }
+}
+
+#[test]
+fn extracting_allocates_nothing_once_warm() {
+    let world = World::new(&WorldConfig::new(12).num_places(1)).unwrap();
+    let images: Vec<_> = (world.dataset("images", &Schedule::standard(12, 3, 1).learn))
+        .entries
+        .iter()
+        .map(|entry| entry.source.load().unwrap())
+        .collect();
+    let extractor = StarBrief::default();
+    let mut features = Features::new();
+    let all = |features: &mut Features| {
+        for image in &images {
+            extractor.extract_into(image, None, features).unwrap();
+            assert!(!features.is_empty());
+        }
+    };
+    all(&mut features);
+    assert_eq!(allocations(|| all(&mut features)), 0);
+}

@@ -210,7 +210,7 @@ impl Build {
             ..MapMeta::new(derived_uuid(&seed), extractor.id(), preset.name())
         };
         let map = open_part(&part, meta)?;
-        let build = Self::with(map, extractor, cfg, dataset);
+        let build = Self::with(map, extractor, cfg, dataset)?;
         Ok(Self {
             out: out.to_owned(),
             part: Some(part),
@@ -223,7 +223,7 @@ impl Build {
         let extractor = ExtractorConfig::from_id(&map.snapshot().meta.extractor)
             .and_then(|extractor| extractor.build())
             .map_err(|error| error.with_path(map.path()).with_place("extractor"))?;
-        Ok(Self::with(map, extractor, cfg, dataset))
+        Self::with(map, extractor, cfg, dataset)
     }
 
     fn with(
@@ -231,8 +231,8 @@ impl Build {
         extractor: Box<dyn Extractor>,
         cfg: LearnConfig,
         mut dataset: Dataset,
-    ) -> Self {
-        Self {
+    ) -> Result<Self> {
+        Ok(Self {
             session: SessionId::derive(&dataset.name),
             problems: std::mem::take(&mut dataset.problems),
             learner: Learner::resume(cfg, (*map.snapshot()).clone())?,
@@ -242,7 +242,7 @@ impl Build {
             part: None,
             map,
             num_learnt: 0,
-        }
+        })
     }
 
     fn run(mut self, out: &mut Output) -> Result<Outcome> {

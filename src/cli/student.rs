@@ -46,7 +46,7 @@ impl Student {
             );
         }
         Ok(Self {
-            learner: Learner::resume(cfg, Snapshot::clone(&map.snapshot())),
+            learner: Learner::resume(cfg, Snapshot::clone(&map.snapshot()))?,
             map,
             session: if is_live {
                 SessionId::random()

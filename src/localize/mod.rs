@@ -123,6 +123,23 @@ impl Localizer {
     /// Fails with [`ErrorKind::Config`] if the map has no places, or none of the appearances that the
     /// method needs were kept.
     pub fn new(snapshot: Arc<Snapshot>, cfg: LocalizerConfig) -> Result<Self> {
+        let mut localizer = Self::uncalibrated(snapshot, cfg)?;
+        if localizer.cfg.calibrated() {
+            localizer.calibration = Some(Arc::new(Calibration::learn(&localizer)?));
+        }
+        Ok(localizer)
+    }
+
+    /// The same on a newer snapshot of its map: models are fitted again, while what matches are worth is
+    /// kept, which takes many visits to change. For a robot that learns while it localises.
+    pub fn on_newer(&self, snapshot: Arc<Snapshot>) -> Result<Self> {
+        Ok(Self {
+            calibration: self.calibration.clone(),
+            ..Self::uncalibrated(snapshot, self.cfg.clone())?
+        })
+    }
+
+    fn uncalibrated(snapshot: Arc<Snapshot>, cfg: LocalizerConfig) -> Result<Self> {
         if snapshot.nodes.is_empty() {
             return Err(Error::new(ErrorKind::Config, "the map has no places")
                 .with_help("build it from at least one image of each place"));
@@ -144,17 +161,13 @@ impl Localizer {
             )
             .with_help("build the map with `keep-appearances = \"all\"`, or use method `fremen`"));
         }
-        let mut localizer = Self {
+        Ok(Self {
             matcher: Matcher::new(cfg.matching().clone()),
             snapshot,
             cfg,
             plans,
             calibration: None,
-        };
-        if localizer.cfg.calibrated() {
-            localizer.calibration = Some(Arc::new(Calibration::learn(&localizer)?));
-        }
-        Ok(localizer)
+        })
     }
 
     /// What is known of the worth of matches; `None` if the configuration asks for no calibration.

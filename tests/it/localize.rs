@@ -10,7 +10,7 @@ use chronotope::localize::{
     Decision, Localization, Localizer, LocalizerConfig, Method, Preset, Query, Score, Scratch,
     Sweep,
 };
-use chronotope::map::{AppearanceUse, Map, MapMeta, SessionId, Snapshot};
+use chronotope::map::{AppearanceUse, Map, MapMeta, PlaceKey, SessionId, Snapshot};
 use chronotope::predict::Selection;
 use chronotope::{ErrorKind, Time};
 
@@ -186,7 +186,7 @@ fn evidence_adds_up() {
                 assert_eq!(candidate.num_matches as usize, candidate.matches.len());
                 let inliers = candidate.matches.iter().filter(|pair| pair.inlier).count();
                 assert_eq!(candidate.num_inliers as usize, inliers);
-                assert_eq!(candidate.score, candidate.num_inliers);
+                assert!(candidate.score.is_finite());
                 let mut live: Vec<u32> = candidate.matches.iter().map(|pair| pair.live).collect();
                 live.sort_unstable();
                 live.dedup();
@@ -214,8 +214,93 @@ fn an_image_of_nothing_is_unknown() {
             .localize(&mut localizer.scratch(), &query)
             .expect("an answer");
         assert_eq!(found.decision, Decision::Unknown, "{method}");
-        assert_eq!(found.tied, localizer.snapshot().nodes.len());
+        let counting = (localizer.cfg().clone()).with_score(Score::Inliers);
+        let counting = Localizer::new(snapshot(Preset::Default), counting).expect("map fits");
+        let found = counting
+            .localize(&mut counting.scratch(), &query)
+            .expect("an answer");
+        assert_eq!(found.decision, Decision::Unknown, "{method}");
+        assert_eq!(found.tied, counting.snapshot().nodes.len());
     }
+}
+
+/// The street without its last place.
+fn snapshot_without_last() -> (Arc<Snapshot>, PlaceKey) {
+    let mut snapshot = Snapshot::clone(&snapshot(Preset::Default));
+    let last = snapshot.nodes.pop().expect("four places");
+    (Arc::new(snapshot), last.key.clone())
+}
+
+#[test]
+fn places_of_the_map_are_located_and_others_are_not() {
+    let cfg = LocalizerConfig::default().with_elsewhere(0.5);
+    let whole = Localizer::new(snapshot(Preset::Default), cfg.clone()).expect("map fits");
+    let (part, unknown) = snapshot_without_last();
+    let part = Localizer::new(part, cfg).expect("map fits");
+    let (mut located, mut natives, mut accepted, mut foreign) = (0, 0, 0, 0);
+    for seen in &street().query {
+        let found = whole
+            .localize(&mut whole.scratch(), &query(seen))
+            .expect("fits");
+        natives += 1;
+        if let Decision::At(node) = found.decision {
+            assert_eq!(whole.snapshot().node(node).key, seen.entry.place);
+            located += 1;
+        }
+        if seen.entry.place == unknown {
+            let found = part
+                .localize(&mut part.scratch(), &query(seen))
+                .expect("fits");
+            foreign += 1;
+            accepted += usize::from(matches!(found.decision, Decision::At(_)));
+            assert!(found.elsewhere > 0.1, "{}", found.reason);
+        }
+    }
+    assert!(located * 10 >= natives * 8, "{located} of {natives}");
+    assert_eq!(accepted, 0, "of {foreign} foreign images");
+}
+
+#[test]
+fn calibration_does_not_depend_on_the_number_of_threads() {
+    let learnt: Vec<Localizer> = [1, 3]
+        .into_iter()
+        .map(|num_threads| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(num_threads)
+                .build()
+                .expect("threads");
+            pool.install(|| localizer(Preset::Default, Method::Fremen))
+        })
+        .collect();
+    let calibration = learnt[0].calibration().expect("the preset calibrates");
+    assert_eq!(Some(calibration), learnt[1].calibration());
+    assert!(calibration.num_images() >= 40, "every visit is asked for");
+    let knots = calibration.detection().knots();
+    assert!(
+        knots.is_sorted_by(|a, b| a.0 <= b.0 && a.1 <= b.1),
+        "{knots:?}"
+    );
+    let [near, far] = [10, 40].map(|bits| calibration.distance_log_ratio(bits));
+    assert!(near > far, "a close descriptor tells more: {near} {far}");
+    assert!(calibration.mean_false_rate() < knots[knots.len() - 1].1);
+}
+
+#[test]
+fn a_map_of_single_visits_is_calibrated_by_assumption() {
+    let mut learner = Learner::new(
+        LearnConfig::default(),
+        MapMeta::new(7, "star-brief", "default"),
+    );
+    for seen in &street().learn[..4] {
+        learner.observe(&observation(seen)).expect("learns");
+    }
+    let snapshot = learner.snapshot().expect("fits together");
+    let localizer = Localizer::new(snapshot, LocalizerConfig::default()).expect("map fits");
+    let calibration = localizer.calibration().expect("the preset calibrates");
+    assert_eq!(calibration.num_images(), 0);
+    let first = &street().learn[0];
+    let found = (localizer.localize(&mut localizer.scratch(), &query(first))).expect("fits");
+    assert!(is_right(&localizer, first, &found));
 }
 
 #[test]

@@ -27,6 +27,8 @@ pub struct Extraction {
     pub version: String,
     /// Of all images.
     pub ms: Vec<f64>,
+    /// Mean over the images of the fastest detection and the fastest description.
+    pub ms_best: f64,
     /// Number of features and weighted sum of their bytes.
     pub checksums: Vec<(u64, u64)>,
 }

@@ -11,7 +11,8 @@ use hnsw_rs::prelude::{Distance, Hnsw};
 use super::rivals::Indexes;
 use super::{Material, Measurement, Python, SpeedOptions, SpeedReport, time};
 
-const SECTION: &str = "two nearest of 256 bits";
+/// What the section is called.
+pub(super) const SECTION: &str = "two nearest of 256 bits";
 const NUM_QUERIES: usize = 500;
 /// Connections of a point and candidates while building, of `hnsw_rs`.
 const CONNECTIONS: usize = 16;

@@ -29,22 +29,85 @@ pub(super) fn render(report: &SpeedReport) -> String {
             section = &row.section;
             let _ = writeln!(
                 text,
-                "\n{section}\n  {:<22}{:<30}{:>11}{:>11}{:>10}{:>9}{:>9}  note",
-                "case", "subject", "p50 ms", "p99 ms", "ns/pair", "ratio", "nearest"
+                "\n{section}\n  {:<22}{:<30}{:>11}{:>11}{:>11}{:>10}{:>9}{:>9}  note",
+                "case", "subject", "best ms", "p50 ms", "p99 ms", "ns/pair", "ratio", "nearest"
             );
         }
         let _ = writeln!(text, "{}", line(report, row).trim_end());
     }
+    compare(report, &mut text);
     text
+}
+
+/// What an approximate search must find of the nearest to be compared.
+const ENOUGH: f64 = 0.99;
+
+/// For each set that was searched: our fastest kernel against the exact rivals and its limit, our
+/// inverted file against the approximate ones that find as many.
+fn compare(report: &SpeedReport, text: &mut String) {
+    let of = |case: &str, accept: &dyn Fn(&Measurement) -> bool| {
+        report
+            .measurements
+            .iter()
+            .filter(|row| row.case == case && row.section == super::search::SECTION && accept(row))
+            .min_by(|a, b| a.ms_best.total_cmp(&b.ms_best))
+    };
+    let mut cases: Vec<&str> = report
+        .measurements
+        .iter()
+        .filter(|row| row.section == super::search::SECTION)
+        .map(|row| row.case.as_str())
+        .collect();
+    cases.dedup();
+    if !cases.is_empty() {
+        text.push_str("\nHow we compare\n");
+    }
+    for case in cases {
+        let kernels = || chronotope::simd::Kernel::available().map(chronotope::simd::Kernel::name);
+        let Some(ours) = of(case, &|row| kernels().any(|name| row.subject == name)) else {
+            continue;
+        };
+        // Writing to a string cannot fail.
+        let _ = write!(text, "  {case}: {}", ours.subject);
+        let exact = ["OpenCV BFMatcher", "FAISS flat"];
+        for rival in exact
+            .iter()
+            .filter_map(|name| of(case, &|row| row.subject == *name))
+        {
+            let ratio = rival.ms_best / ours.ms_best;
+            let _ = write!(text, ", {ratio:.1}x {}", rival.subject);
+        }
+        let limit = format!("{}: popcounts alone", ours.subject);
+        if let Some(limit) = of(case, &|row| row.subject == limit) {
+            let percent = 100.0 * limit.ms_best / ours.ms_best;
+            let _ = write!(text, ", {percent:.0} % of its popcount limit");
+        }
+        text.push('\n');
+        let finds = |row: &Measurement| row.recall.is_some_and(|recall| recall >= ENOUGH);
+        let family =
+            |name: &'static str| of(case, &|row| row.subject.starts_with(name) && finds(row));
+        if let Some(ours) = family("ours, IVF") {
+            let _ = write!(text, "  {case}, nearest >= 99 %: {}", ours.subject);
+            for rival in ["FAISS IVF", "FAISS HNSW", "hnsw_rs"]
+                .into_iter()
+                .filter_map(family)
+            {
+                let ratio = rival.ms_best / ours.ms_best;
+                let _ = write!(text, ", {ratio:.1}x {}", rival.subject);
+            }
+            text.push('\n');
+        }
+    }
 }
 
 fn line(report: &SpeedReport, row: &Measurement) -> String {
     let or_blank = |text: Option<String>| text.unwrap_or_default();
-    let ns = row.pairs.map(|pairs| row.ms_p50 * 1e6 / pairs as f64);
+    let ns = row.pairs.map(|pairs| row.ms_best * 1e6 / pairs as f64);
     format!(
-        "  {:<22}{:<30}{:>11.3}{:>11}{:>10}{:>9}{:>9}  {}",
+        "  {:<22}{:<30}{:>11.3}{:>11.3}{:>11}{:>10}{:>9}{:>9}  {}",
         row.case,
         row.subject,
+        row.ms_best,
         row.ms_p50,
         or_blank(row.ms_p99.map(|ms| format!("{ms:.3}"))),
         or_blank(ns.map(|ns| format!("{ns:.3}"))),

@@ -185,6 +185,9 @@ impl Localization {
     }
 
     pub(super) fn restart(&mut self, num_nodes: usize, time: Option<Time>) {
+        // Every place gets its own buffers back, which have grown to what it needs.
+        self.ranking
+            .sort_unstable_by_key(|candidate| candidate.node);
         self.ranking.resize_with(num_nodes, Candidate::default);
         self.pairs_compared = 0;
         self.time = time;

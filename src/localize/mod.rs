@@ -1,15 +1,23 @@
 //! Where am I, how sure?
 //!
 //! A [`Localizer`] reads one [`Snapshot`] of a map. For each place it predicts what should be visible
-//! at the query's time, matches that with the live image, counts the matches (or those that agree on
-//! one displacement), ranks the places and decides. Everything that led to the answer is part of it
-//! ([`Localization`]), so that a dashboard needs nothing else.
+//! at the query's time, matches that with the live image, finds the displacement that most matches agree
+//! on, and scores the place: by the number of matches, by those that agree ([`Score`]), or by the log
+//! odds of "this place" against "somewhere else", to which matched and missing features both contribute
+//! (`evidence.rs`). What matches are worth is learnt from the map's own past visits ([`Calibration`]),
+//! so that the posterior over places, and over being at none of them, can be taken at its word; the
+//! answer is [`Decision::At`] a place only if the probability of being wrong is at most
+//! [`LocalizerConfig::risk`]. Everything that led to the answer is part of it ([`Localization`]), so
+//! that a dashboard needs nothing else.
 //!
 //! The experience methods differ in one step only: instead of one predicted map, a place has several
-//! remembered appearances, and the best of them speaks for the place.
+//! remembered appearances. The best of them speaks for the place where matches are counted; their mean
+//! likelihood does where evidence is weighed.
 //!
-//! Cost: with N places, n features each and m live ones, N (F + n log n) to predict and N n m Hamming
-//! distances to match; the experience methods match E appearances a place, E n m distances.
+//! Cost: with N places, n features each and m live ones, N (F + n log n) to predict, N n m Hamming
+//! distances to match and 64 N n additions to weigh; the experience methods match E appearances a
+//! place, E n m distances. [`Localizer::new`] fits and calibrates, which takes from a tenth of a second
+//! to a few seconds.
 //!
 //! Invariants: localising never changes the map; the answer depends on snapshot, configuration and
 //! query alone (ties go to the lowest node and are counted); with a warmed-up [`Scratch`] and output,

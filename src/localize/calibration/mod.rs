@@ -5,7 +5,8 @@
 //! without them, and features born in them do not take part, since a birth is no evidence. By the same
 //! procedure every other place is matched with them. That gives
 //!
-//! - the *detection curve*: how often a feature of a given score is found at its place ([`Curve`]);
+//! - the *detection curve*: how often a feature of a given score is found at its place ([`Curve`]), and how
+//!   much more or less often than that at each single place;
 //! - for every feature, how often it is found where it is not (`q_f`), drawn to the mean over all features
 //!   by [`FALSE_RATE_PRIOR`] trials;
 //! - how much a matching distance tells: g1 (seen again, counted while the map was learnt,
@@ -46,6 +47,8 @@ use crate::visibility::{self, BitRow, Visits};
 
 /// So many trials at the mean rate are added to those of each feature.
 const FALSE_RATE_PRIOR: f64 = 20.0;
+/// So many expected features, all found, are added to those of each place.
+const REPEATABILITY_PRIOR: f64 = 30.0;
 /// The rate of false matches while nothing is known.
 const FALSE_RATE: f64 = 0.01;
 const FALSE_RATES: std::ops::RangeInclusive<f64> = 0.001..=0.9;
@@ -84,6 +87,8 @@ const BLIND_SHARE: f64 = 0.05;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibration {
     detection: Curve,
+    /// How much more often than that features of each place are found.
+    repeatability: Vec<f64>,
     false_rate: f64,
     /// Of each place and hypothesis (its predicted map, or each visit): trials of each feature.
     false_counts: Vec<Vec<Vec<Trials>>>,
@@ -157,6 +162,7 @@ impl Calibration {
     pub fn uninformed() -> Self {
         Self {
             detection: Curve::constant(0.3),
+            repeatability: Vec::new(),
             false_rate: FALSE_RATE,
             false_counts: Vec::new(),
             distance_log_ratios: vec![0.0; 257],
@@ -249,7 +255,7 @@ impl Calibration {
     ) {
         expectation.restart(witnesses.num_visits());
         for &id in predicted.features() {
-            let detection = self.detection.rate(predicted.scores()[id as usize]);
+            let detection = self.detection_at(node, predicted.scores()[id as usize]);
             let false_rate = self.false_rate_of(node, 0, id as usize, Trials::default());
             expectation.push(detection, false_rate, witnesses.seen()[id as usize]);
         }
@@ -265,10 +271,16 @@ impl Calibration {
     ) {
         expectation.restart(0);
         for rank in 0..len {
-            let detection = self.detection.rate(strength_score(rank));
+            let detection = self.detection_at(node, strength_score(rank));
             let false_rate = self.false_rate_of(node, visit as usize, rank, Trials::default());
             expectation.push(detection, false_rate, 0);
         }
+    }
+
+    /// The probability that a feature of this score is matched at this place.
+    fn detection_at(&self, node: NodeId, score: f64) -> f64 {
+        let of_place = self.repeatability.get(node.0 as usize).copied();
+        (self.detection.rate(score) * of_place.unwrap_or(1.0)).min(1.0)
     }
 
     /// `q_f`, without the trials `but`.
@@ -308,9 +320,36 @@ impl Calibration {
         }
         if let Some(curve) = Curve::fit(&mut samples) {
             self.detection = curve;
+            self.repeatability = self.learn_repeatability(localizer.plans.len(), images, trials);
         }
         self.false_rate = (f64::from(all.found) + FALSE_RATE * FALSE_RATE_PRIOR)
             / (f64::from(all.tried) + FALSE_RATE_PRIOR);
+    }
+
+    /// For each place, found over expected features, drawn to 1 by [`REPEATABILITY_PRIOR`] expected ones.
+    fn learn_repeatability(
+        &self,
+        num_places: usize,
+        images: &[Image],
+        trials: &[Trial],
+    ) -> Vec<f64> {
+        let mut found = vec![REPEATABILITY_PRIOR; num_places];
+        let mut expected = found.clone();
+        for trial in trials {
+            if images[trial.image].node != trial.node {
+                continue;
+            }
+            for record in &trial.records {
+                let was_found = record.found_at(RATE_SIZE);
+                for (&(_, score), was_found) in record.features.iter().zip(was_found) {
+                    expected[trial.node] += self.detection.rate(score);
+                    found[trial.node] += f64::from(u8::from(was_found));
+                }
+            }
+        }
+        (found.iter().zip(&expected))
+            .map(|(found, expected)| found / expected)
+            .collect()
     }
 
     fn learn_distances(&mut self, seen: &Reobservation, images: &[Image], trials: &[Trial]) {
@@ -426,7 +465,7 @@ impl Calibration {
                 let node = NodeId(trial.node as u32);
                 let false_rate = self.false_rate_of(node, record.hypothesis, feature as usize, but);
                 let word = record.witnesses.get(rank).copied().unwrap_or(0);
-                expectation.push(self.detection.rate(score), false_rate, word);
+                expectation.push(self.detection_at(node, score), false_rate, word);
             }
             let vote = Vote {
                 num_inliers: found.inliers.len() as u32,

@@ -118,6 +118,7 @@ pub fn relearn(cfg: LearnConfig, map: &Snapshot) -> Result<Snapshot> {
     let learnt = learner.snapshot()?;
     let mut snapshot = Snapshot {
         edges: map.edges.clone(),
+        attachments: learnt.attachments.clone(),
         ..Snapshot::empty(map.meta.clone())
     };
     for node in &map.nodes {

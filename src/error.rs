@@ -115,6 +115,24 @@ impl fmt::Display for Inner {
     }
 }
 
+/// The line that a CSV record begins on, counted from 1.
+///
+/// The reader notes where it began to look, which is before the empty lines and comments that it passed
+/// over.
+pub(crate) fn line_of_record(text: &[u8], record: &csv::StringRecord, comment: Option<u8>) -> u64 {
+    let Some(position) = record.position() else {
+        return 1;
+    };
+    let rest = text.get(position.byte() as usize..).unwrap_or_default();
+    let passed = rest
+        .split_inclusive(|&byte| byte == b'\n')
+        .take_while(|line| {
+            (comment.is_some() && line.first().copied() == comment)
+                || line.iter().all(|byte| b"\r\n".contains(byte))
+        });
+    position.line() + passed.count() as u64
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorKind, Result, line_of_record};
 use crate::time::{Period, Time};
 use crate::visibility::{BitRow, HistoryLog};
 
@@ -47,7 +47,7 @@ impl Series {
                 let line = cause.position().map_or(1, csv::Position::line);
                 format(cause.to_string()).with_place(format!("line {line}"))
             })?;
-            let line = record.position().map_or(1, csv::Position::line);
+            let line = line_of_record(bytes, &record, Some(b'#'));
             let place = |error: Error| error.with_place(format!("line {line}"));
             if number == 0 && record.get(at.0).is_none_or(|cell| time_of(cell).is_err()) {
                 at = named(&record, columns).map_err(place)?;

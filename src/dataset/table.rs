@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorKind, Result, line_of_record};
 
 pub(super) struct Table {
     path: PathBuf,
@@ -37,7 +37,7 @@ impl Table {
         for record in reader.records() {
             let record = record.map_err(|cause| csv_error(path, &cause))?;
             rows.push(Row {
-                line: record.position().map_or(0, csv::Position::line),
+                line: line_of_record(text.as_bytes(), &record, None),
                 cells: record.iter().map(str::to_owned).collect(),
             });
         }

@@ -4,7 +4,7 @@
 //! squares (isotonic regression by pooling adjacent violators; Ayer et al. 1955), linear between the
 //! means of its blocks and constant beyond the first and the last.
 
-/// Samples are first gathered into so many blocks of equal size, at least [`MIN_BLOCK`] each.
+/// Samples are first gathered into so many blocks of about equal size, at least [`MIN_BLOCK`] each.
 const MAX_BLOCKS: usize = 30;
 const MIN_BLOCK: usize = 20;
 
@@ -30,8 +30,8 @@ impl Curve {
         }
     }
 
-    /// Fits (score, whether it came true); the order of samples does not matter. Rates have half a hit
-    /// and half a miss added, so that none is 0 or 1. `None` without samples.
+    /// Fits (score, whether it came true); the order of samples does not matter. Half a hit and half a
+    /// miss are added, so that no rate is 0 or 1. `None` without samples.
     pub fn fit(samples: &mut [(f64, bool)]) -> Option<Self> {
         if samples.is_empty() {
             return None;
@@ -40,14 +40,28 @@ impl Curve {
         let num_blocks = (samples.len() / MIN_BLOCK).clamp(1, MAX_BLOCKS);
         let mut blocks: Vec<Block> = Vec::with_capacity(num_blocks);
         for index in 0..num_blocks {
-            let from = index * samples.len() / num_blocks;
-            let to = (index + 1) * samples.len() / num_blocks;
-            let part = &samples[from..to];
+            // Samples of one score stay together, so that every score has one rate.
+            let end = |share: usize| {
+                let at = share * samples.len() / num_blocks;
+                match at.checked_sub(1).map(|last| samples[last].0) {
+                    Some(score) => samples.partition_point(|sample| sample.0 <= score),
+                    None => 0,
+                }
+            };
+            let part = &samples[end(index)..end(index + 1)];
+            if part.is_empty() {
+                continue;
+            }
             let mut block = Block {
                 score_sum: part.iter().map(|sample| sample.0).sum(),
-                hits: part.iter().filter(|sample| sample.1).count() as f64,
-                count: part.len() as f64,
+                // Half a hit and half a miss are spread over the blocks before they are pooled: rates
+                // then rise as pooling makes them.
+                hits: part.iter().filter(|sample| sample.1).count() as f64
+                    + 0.5 / num_blocks as f64,
+                count: part.len() as f64 + 1.0 / num_blocks as f64,
             };
+            let mean_score = block.score_sum / part.len() as f64;
+            block.score_sum = mean_score * block.count;
             while let Some(last) = blocks.last()
                 && last.hits * block.count >= block.hits * last.count
             {
@@ -59,12 +73,7 @@ impl Curve {
             blocks.push(block);
         }
         let knots = (blocks.iter())
-            .map(|block| {
-                (
-                    block.score_sum / block.count,
-                    (block.hits + 0.5) / (block.count + 1.0),
-                )
-            })
+            .map(|block| (block.score_sum / block.count, block.hits / block.count))
             .collect();
         Some(Self { knots })
     }
@@ -108,7 +117,8 @@ mod tests {
         let curve = Curve::fit(&mut samples).expect("samples");
         for level in 0..4 {
             let expected = f64::from(level) * 0.3;
-            assert!((curve.rate(f64::from(level)) - expected).abs() < 0.01);
+            let rate = curve.rate(f64::from(level));
+            assert!((rate - expected).abs() < 0.01, "{level}: {rate}");
         }
         assert!((curve.rate(1.5) - 0.45).abs() < 0.05);
         assert_eq!(curve.rate(-7.0), curve.rate(0.0));

@@ -113,3 +113,12 @@ impl Student {
         Ok(())
     }
 }
+
+impl Drop for Student {
+    /// An error that ends the run (a closed pipe, say) loses nothing of what was learnt before.
+    fn drop(&mut self) {
+        if let Err(error) = self.commit() {
+            tracing::warn!("what was learnt last is not kept: {error}");
+        }
+    }
+}

@@ -1,12 +1,14 @@
 //! Which method recognises places best, how sure are we of it, and what does it look like?
 //!
 //! Finished answers become numbers and pictures here: [`results`] is the file `SUITE.json`,
-//! [`metrics`] turns answers into rates with intervals, [`compare`] pairs two runs query by query,
+//! [`metrics`] turns answers into rates with intervals, [`judgement`] asks whether posteriors and
+//! decisions deserve their trust, [`compare`] pairs two runs query by query,
 //! [`table`] prints a run in a terminal and [`report`] draws it as one HTML file.
 
 pub mod compare;
 pub mod exhibit;
 pub mod harness;
+pub mod judgement;
 pub mod material;
 pub mod metrics;
 pub mod report;

@@ -14,6 +14,7 @@ pub mod metrics;
 pub mod report;
 pub mod results;
 pub mod run;
+pub mod several;
 pub mod suite;
 pub mod table;
 

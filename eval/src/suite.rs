@@ -5,6 +5,7 @@
 //! and scores to run it with. Suites hold no results and no thresholds.
 
 use chronotope::localize::{LocalizerConfig, Method, Preset, Score};
+use chronotope::predict::Choice;
 use chronotope::visibility::VisibilityConfig;
 use chronotope::{Error, ErrorKind, Period, Result};
 use serde::Deserialize;
@@ -27,6 +28,8 @@ const BUILTIN: &[(&str, &str)] = &[
     ("lasvegas", include_str!("../suites/lasvegas.toml")),
     ("tilde", include_str!("../suites/tilde.toml")),
     ("synthetic", include_str!("../suites/synthetic.toml")),
+    ("foreign", include_str!("../suites/foreign.toml")),
+    ("ablation", include_str!("../suites/ablation.toml")),
 ];
 
 /// One suite.
@@ -74,6 +77,22 @@ pub enum Protocol {
         /// Visits of each place that are asked for.
         num_query: usize,
     },
+    /// The datasets of other suites, each by its own protocol, in one run.
+    #[serde(rename_all = "kebab-case")]
+    Several {
+        /// Names of these suites.
+        suites: Vec<String>,
+        /// Whether each place's queries are also asked with the place left out of the map.
+        #[serde(default)]
+        leave_place_out: bool,
+        /// Of a synthetic suite among them, so many worlds.
+        #[serde(default = "one")]
+        num_seeds: u64,
+    },
+}
+
+const fn one() -> u64 {
+    1
 }
 
 /// One preset with what it is run with.
@@ -93,6 +112,10 @@ pub struct Arm {
     /// Where given, the time of a place's i-th visit is i times this many seconds, as in the reference
     /// benchmark, which knows the month of a visit only.
     pub visit_clock_s: Option<f64>,
+    /// How features are chosen, where not as the preset does.
+    pub choice: Option<Choice>,
+    /// Added to the names of models, to tell the arms of an ablation apart.
+    pub label: Option<String>,
 }
 
 fn all_methods() -> Vec<Method> {
@@ -162,6 +185,21 @@ impl Suite {
 }
 
 impl Arm {
+    /// The runs where times are no clock: a run that needs one is replaced by `static` and keeps its name,
+    /// as the default configuration does without a time that it can use.
+    pub fn runs_without_clock(&self) -> Vec<Run> {
+        let mut runs = self.runs(true);
+        for run in runs
+            .iter_mut()
+            .filter(|run| run.localizer.method().needs_time())
+        {
+            run.localizer = (run.localizer.clone())
+                .with_method(Method::Static)
+                .with_visibility(VisibilityConfig::mean());
+        }
+        runs
+    }
+
     /// The time between visits, where visits are numbered instead of dated.
     pub fn visit_clock(&self) -> Result<Option<Period>> {
         self.visit_clock_s.map(Period::from_s).transpose()
@@ -177,6 +215,10 @@ impl Arm {
             let base = LocalizerConfig::preset(self.preset).with_method(method);
             let base = match self.scores.first() {
                 Some(&score) => base.with_score(score),
+                None => base,
+            };
+            let base = match self.choice {
+                Some(choice) => base.with_choice(choice),
                 None => base,
             };
             match method {
@@ -206,6 +248,11 @@ impl Arm {
                         order: order as u32,
                     }));
                 }
+            }
+        }
+        if let Some(label) = &self.label {
+            for run in &mut runs {
+                run.model = format!("{} {label}", run.model);
             }
         }
         runs
@@ -238,6 +285,24 @@ mod tests {
             }
             assert!(suite.sizes.is_sorted(), "{}", suite.name);
         }
+    }
+
+    #[test]
+    fn the_arms_of_an_ablation_differ_from_the_default_and_in_name() {
+        let suite = Suite::find("ablation").unwrap();
+        let mut names = std::collections::BTreeSet::new();
+        let mut num_defaults = 0;
+        for arm in &suite.arms {
+            for run in arm.runs(true) {
+                num_defaults += usize::from(run.localizer == LocalizerConfig::default());
+                for &score in &arm.scores {
+                    let name = run.variant(arm.preset, score).to_string();
+                    assert!(names.insert(name.clone()), "{name} is there twice");
+                }
+            }
+        }
+        assert_eq!(num_defaults, 1);
+        assert!(names.iter().any(|name| name.contains("likeliest")));
     }
 
     #[test]

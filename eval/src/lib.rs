@@ -6,6 +6,7 @@
 //! [`table`] prints a run in a terminal and [`report`] draws it as one HTML file.
 
 pub mod compare;
+pub mod compare_pooled;
 pub mod exhibit;
 pub mod harness;
 pub mod judgement;

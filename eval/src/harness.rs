@@ -36,8 +36,8 @@ const TOP: usize = 10;
 /// So many queries of the first fold are asked once more, one at a time, with the clock running.
 const NUM_TIMED: usize = 16;
 
-/// Smaller shares of a posterior are left out of the results.
-const LEAST_SHARE: f64 = 0.005;
+/// Smaller shares of a posterior would be written as 0 and are left out of the results.
+const LEAST_SHARE: f64 = 5e-5;
 
 /// Entries that are learnt and entries that are asked for; indices into a dataset.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -90,7 +90,9 @@ pub fn folds(
             );
             Ok(vec![fold])
         }
-        Protocol::Synthetic { .. } => bail!("worlds bring their own folds"),
+        Protocol::Synthetic { .. } | Protocol::Several { .. } => {
+            bail!("worlds and parts bring their own folds")
+        }
         Protocol::Series { .. } => bail!("a series is no dataset of images"),
     }
 }
@@ -112,10 +114,10 @@ fn visit_numbers(dataset: &Dataset) -> Vec<usize> {
 
 /// What one run said about one query.
 #[derive(Clone, Debug)]
-struct Said {
+pub(crate) struct Said {
     /// For each score and n: the answer.
-    answers: Vec<Vec<Answer>>,
-    pairs_compared: Vec<u64>,
+    pub(crate) answers: Vec<Vec<Answer>>,
+    pub(crate) pairs_compared: Vec<u64>,
     /// (seen again, selected) of the most likely features, where the method predicts features.
     reobserved: Option<(u32, u32)>,
 }
@@ -222,20 +224,11 @@ impl<'s> Tallies<'s> {
         Ok(())
     }
 
-    /// The fold without learning images that show the same pixels as one of its queries.
+    /// The fold without twins, which are counted.
     fn without_twins(&self, material: &Material, fold: &Fold) -> Fold {
-        let asked: HashSet<&[u8; 32]> = (fold.query.iter())
-            .map(|&i| &material.extracted[i].digest)
-            .collect();
-        let learn: Vec<usize> = (fold.learn.iter().copied())
-            .filter(|&i| !asked.contains(&material.extracted[i].digest))
-            .collect();
-        let removed = (fold.learn.len() - learn.len()) as u32;
+        let (fold, removed) = without_twins(material, fold);
         self.num_removed.fetch_add(removed, Ordering::Relaxed);
-        Fold {
-            learn,
-            query: fold.query.clone(),
-        }
+        fold
     }
 
     fn run_fold(
@@ -244,32 +237,8 @@ impl<'s> Tallies<'s> {
         fold: &Fold,
         arm: &Arm,
     ) -> Result<Vec<(usize, Vec<Said>)>> {
-        let times = times(&material.dataset, arm)?;
-        let snapshot = learn(material, fold, arm, &times)?;
         let runs = arm.runs(self.has_clock);
-        let localizers = localizers(&snapshot, &runs)?;
-        let num_live = LearnConfig::preset(arm.preset).features_per_visit();
-        (fold.query.par_iter())
-            .map_init(
-                || (Scratch::default(), Sweep::new(&self.suite.sizes)),
-                |(scratch, sweep), &entry| {
-                    let sweep = sweep.as_mut().map_err(|error| anyhow::anyhow!("{error}"))?;
-                    sweep.restart();
-                    let live = live(material, entry, num_live);
-                    let query = Query {
-                        features: &live,
-                        time: Some(times[entry]),
-                        image_size: Some(material.extracted[entry].image_size),
-                    };
-                    let truth = snapshot.find(&material.dataset.entries[entry].place);
-                    let said = (localizers.iter())
-                        .zip(&runs)
-                        .map(|(localizer, run)| ask(localizer, run, &query, truth, scratch, sweep))
-                        .collect::<Result<_>>()?;
-                    Ok((entry, said))
-                },
-            )
-            .collect()
+        run_fold(material, fold, arm, &runs, &self.suite.sizes)
     }
 
     fn register(&mut self, arm: &Arm, runs: &[Run], first_variant: usize) {
@@ -305,10 +274,7 @@ impl<'s> Tallies<'s> {
         // Cut-outs of one photograph, and all images of one world, are alike.
         let group = match prefix {
             Some(prefix) => Some(prefix.to_owned()),
-            None => entry
-                .id
-                .split_once('@')
-                .map(|(photograph, _)| photograph.to_owned()),
+            None => photograph(&entry.id).map(str::to_owned),
         };
         let query = (self.queries.entry(id.clone())).or_insert_with(|| results::Query {
             id,
@@ -527,6 +493,59 @@ pub fn learn(material: &Material, fold: &Fold, arm: &Arm, times: &[Time]) -> Res
         })?;
     }
     Ok(learner.snapshot()?)
+}
+
+/// The fold without learning images that show the same pixels as one of its queries, and their number.
+pub(crate) fn without_twins(material: &Material, fold: &Fold) -> (Fold, u32) {
+    let asked: HashSet<&[u8; 32]> = (fold.query.iter())
+        .map(|&i| &material.extracted[i].digest)
+        .collect();
+    let learn: Vec<usize> = (fold.learn.iter().copied())
+        .filter(|&i| !asked.contains(&material.extracted[i].digest))
+        .collect();
+    let removed = (fold.learn.len() - learn.len()) as u32;
+    let query = fold.query.clone();
+    (Fold { learn, query }, removed)
+}
+
+/// Learns the fold's map and asks for every query of the fold: its entry with what each run says.
+pub(crate) fn run_fold(
+    material: &Material,
+    fold: &Fold,
+    arm: &Arm,
+    runs: &[Run],
+    sizes: &[usize],
+) -> Result<Vec<(usize, Vec<Said>)>> {
+    let times = times(&material.dataset, arm)?;
+    let snapshot = learn(material, fold, arm, &times)?;
+    let localizers = localizers(&snapshot, runs)?;
+    let num_live = LearnConfig::preset(arm.preset).features_per_visit();
+    (fold.query.par_iter())
+        .map_init(
+            || (Scratch::default(), Sweep::new(sizes)),
+            |(scratch, sweep), &entry| {
+                let sweep = sweep.as_mut().map_err(|error| anyhow::anyhow!("{error}"))?;
+                sweep.restart();
+                let live = live(material, entry, num_live);
+                let query = Query {
+                    features: &live,
+                    time: Some(times[entry]),
+                    image_size: Some(material.extracted[entry].image_size),
+                };
+                let truth = snapshot.find(&material.dataset.entries[entry].place);
+                let said = (localizers.iter())
+                    .zip(runs)
+                    .map(|(localizer, run)| ask(localizer, run, &query, truth, scratch, sweep))
+                    .collect::<Result<_>>()?;
+                Ok((entry, said))
+            },
+        )
+        .collect()
+}
+
+/// Cut-outs of one photograph are alike: the part of an entry's id that names it.
+pub(crate) fn photograph(id: &str) -> Option<&str> {
+    id.split_once('@').map(|(photograph, _)| photograph)
 }
 
 /// One localizer for each run.

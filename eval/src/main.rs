@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
+use chronotope_eval::compare_pooled::{POOLED_SUITES, compare_pooled};
 use chronotope_eval::report::{self, ReportInput};
 use chronotope_eval::results::SuiteResults;
 use chronotope_eval::run::{RunOptions, run};
@@ -55,6 +56,14 @@ enum Command {
         a: PathBuf,
         /// The file SUITE.json of the second run.
         b: PathBuf,
+    },
+    /// Compares the default with every baseline, pooled over the runs in a folder.
+    Pooled {
+        /// The folder of stromovka-loo.json, michigan-loo.json, lasvegas.json and synthetic.json.
+        dir: PathBuf,
+        /// Numbers of features per place.
+        #[arg(long, value_delimiter = ',', default_values_t = [30, 50])]
+        n: Vec<u32>,
     },
     /// Times search, extraction and whole answers next to OpenCV, `hnsw_rs` and FAISS.
     Speed {
@@ -142,6 +151,18 @@ fn main_of(args: Args) -> Result<()> {
         Command::Compare { a, b } => {
             let [a, b] = [SuiteResults::read(&a)?, SuiteResults::read(&b)?];
             println!("{}", compare::compare(&a, &b)?);
+        }
+        Command::Pooled { dir, n } => {
+            let mut runs = Vec::new();
+            for suite in POOLED_SUITES {
+                let path = dir.join(format!("{suite}.json"));
+                if path.exists() {
+                    runs.push(SuiteResults::read(&path)?);
+                } else {
+                    eprintln!("note: {} is missing and left out", path.display());
+                }
+            }
+            println!("{}", compare_pooled(&runs, &n)?);
         }
         Command::Speed {
             data,

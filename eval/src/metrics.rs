@@ -82,9 +82,14 @@ impl Estimate {
 
 /// `SplitMix64` (Steele, Lea and Flood 2014): 64 bits of state, the same on every machine.
 #[derive(Clone, Debug)]
-struct SplitMix64(u64);
+pub(crate) struct SplitMix64(u64);
 
 impl SplitMix64 {
+    /// The draws of every interval: from the same seed, so that intervals of one set of queries agree.
+    pub(crate) fn of_intervals() -> Self {
+        Self(SEED)
+    }
+
     fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -94,7 +99,7 @@ impl SplitMix64 {
     }
 
     /// Uniform in `0..bound` (multiply-shift; its bias is below `bound / 2^64`).
-    fn below(&mut self, bound: usize) -> usize {
+    pub(crate) fn below(&mut self, bound: usize) -> usize {
         ((u128::from(self.next()) * bound as u128) >> 64) as usize
     }
 }
@@ -102,9 +107,10 @@ impl SplitMix64 {
 /// One value per query, and which queries are alike.
 #[derive(Clone, Debug, Default)]
 pub struct Sample {
-    /// Sum of values and number of queries of each group.
+    /// Weighted sum of values and sum of weights of each group.
     groups: Vec<(f64, f64)>,
     num: usize,
+    weight: f64,
     sum: f64,
     smallest: f64,
     largest: f64,
@@ -116,7 +122,7 @@ impl Sample {
         let mut sample = Self::default();
         for value in values {
             sample.groups.push((value, 1.0));
-            sample.count(value);
+            sample.count(value, 1.0);
         }
         sample
     }
@@ -128,6 +134,7 @@ impl Sample {
             sample.groups.push((sum, num));
             sample.widen(sum / num);
             sample.num += num as usize;
+            sample.weight += num;
             sample.sum += sum;
         }
         sample
@@ -135,25 +142,31 @@ impl Sample {
 
     /// Values with the name of each query's group, where it has one.
     pub fn grouped<'a>(values: impl IntoIterator<Item = (Option<&'a str>, f64)>) -> Self {
+        Self::weighted((values.into_iter()).map(|(group, value)| (group, value, 1.0)))
+    }
+
+    /// `(group, value, weight)` per query: a mean for queries that come more or less often than here.
+    pub fn weighted<'a>(values: impl IntoIterator<Item = (Option<&'a str>, f64, f64)>) -> Self {
         let mut sample = Self::default();
         let mut places: BTreeMap<&str, usize> = BTreeMap::new();
-        for (group, value) in values {
+        for (group, value, weight) in values {
             let next = sample.groups.len();
             let at = group.map_or(next, |group| *places.entry(group).or_insert(next));
             if at == next {
                 sample.groups.push((0.0, 0.0));
             }
-            sample.groups[at].0 += value;
-            sample.groups[at].1 += 1.0;
-            sample.count(value);
+            sample.groups[at].0 += weight * value;
+            sample.groups[at].1 += weight;
+            sample.count(value, weight);
         }
         sample
     }
 
-    fn count(&mut self, value: f64) {
+    fn count(&mut self, value: f64, weight: f64) {
         self.widen(value);
         self.num += 1;
-        self.sum += value;
+        self.weight += weight;
+        self.sum += weight * value;
     }
 
     fn widen(&mut self, value: f64) {
@@ -179,7 +192,7 @@ impl Sample {
         if self.is_empty() {
             0.0
         } else {
-            self.sum / self.num as f64
+            self.sum / self.weight
         }
     }
 
@@ -194,7 +207,7 @@ impl Sample {
             };
         }
         let mut random = SplitMix64(SEED);
-        let mut means: Vec<f64> = (0..NUM_RESAMPLES)
+        let means = (0..NUM_RESAMPLES)
             .map(|_| {
                 let (mut sum, mut num) = (0.0, 0.0);
                 for _ in 0..self.groups.len() {
@@ -205,12 +218,7 @@ impl Sample {
                 sum / num
             })
             .collect();
-        means.sort_by(f64::total_cmp);
-        // A few odd groups can push every draw to one side of the mean.
-        Interval {
-            low: quantile_of_sorted(&means, TAIL).min(mean),
-            high: quantile_of_sorted(&means, 1.0 - TAIL).max(mean),
-        }
+        interval_of_draws(means, mean)
     }
 
     /// The interval of a rate, whose values lie in 0..=1; see the module's deviation.
@@ -237,6 +245,16 @@ impl Sample {
             mean: self.mean(),
             interval: self.rate_interval(),
         }
+    }
+}
+
+/// The percentile interval of a number whose `draws` these are; it contains `value`, which a few odd
+/// groups can leave outside.
+pub(crate) fn interval_of_draws(mut draws: Vec<f64>, value: f64) -> Interval {
+    draws.sort_by(f64::total_cmp);
+    Interval {
+        low: quantile_of_sorted(&draws, TAIL).min(value),
+        high: quantile_of_sorted(&draws, 1.0 - TAIL).max(value),
     }
 }
 
@@ -314,14 +332,15 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Sums up the answers that `queries` hold for `key`.
+    /// Sums up the answers that `queries` hold for `key`; queries of places that the map lacks are left
+    /// out, because no first choice would be right.
     ///
     /// `has_decision_rule` tells whether the row's rule may say unknown; if not, `unknown` is 0.
     pub fn of(queries: &[Query], key: &RowKey, has_decision_rule: bool) -> Self {
         let key = key.to_string();
         let (mut unknown, mut tied) = (0, 0);
-        let answered = queries
-            .iter()
+        let answered = (queries.iter())
+            .filter(|query| query.truth.is_some())
             .filter_map(|query| query.answers.get(&key).map(|answer| (query, answer)));
         let sample = Sample::grouped(answered.map(|(query, answer)| {
             tied += u32::from(answer.is_tied());
@@ -408,7 +427,7 @@ impl PairedDifference {
     pub fn between(queries: &[Query], first: &RowKey, second: &RowKey) -> Option<Self> {
         let (first, second) = (first.to_string(), second.to_string());
         Self::of(queries.iter().filter_map(|query| {
-            let truth = query.truth.as_deref();
+            let truth = Some(query.truth.as_deref()?);
             let first = query.answers.get(&first)?.wrong(truth);
             let second = query.answers.get(&second)?.wrong(truth);
             Some((query.group.as_deref(), first, second))
@@ -492,7 +511,8 @@ pub fn paired_over_n(
     if all_n.is_empty() {
         return None;
     }
-    PairedDifference::of(queries.iter().filter_map(|query| {
+    let native = queries.iter().filter(|query| query.truth.is_some());
+    PairedDifference::of(native.filter_map(|query| {
         Some((
             query.group.as_deref(),
             mean(query, &first)?,

@@ -23,6 +23,8 @@ use std::str::FromStr;
 use chronotope::{Error, ErrorKind, Result};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use crate::judgement::Judgement;
+
 /// The schema version that this crate writes and reads.
 pub const SCHEMA_VERSION: u32 = 1;
 
@@ -251,7 +253,7 @@ pub struct Row {
     pub order: Order,
     /// Features per node (per experience for the experience methods).
     pub n: u32,
-    /// Number of queries.
+    /// Number of queries that have a true place.
     pub queries: u32,
     /// Forced first choices that were right, ties split.
     pub correct: f64,
@@ -403,7 +405,10 @@ pub struct SuiteResults {
     /// Latency by stage.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub latency: Vec<StageLatency>,
-    /// One per preset, method, model, score, order and n.
+    /// How good posteriors and decisions are, for the rows that have a posterior.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub judgement: Vec<Judgement>,
+    /// One per preset, method, model, score, order and n; over the queries that have a true place.
     pub rows: Vec<Row>,
     /// One per image.
     pub queries: Vec<Query>,
@@ -429,6 +434,7 @@ impl SuiteResults {
             notes: Vec::new(),
             reobservation: Vec::new(),
             latency: Vec::new(),
+            judgement: Vec::new(),
             rows: Vec::new(),
             queries: Vec::new(),
         }
@@ -501,6 +507,10 @@ impl SuiteResults {
                 }
             }
         }
+        if let Some(judgement) = self.judgement.iter().find(|it| !it.is_finite()) {
+            let place = format!("judgement of `{}`", judgement.variant().at(judgement.n));
+            return fail(place, "a number is not finite".into());
+        }
         let mut keys = BTreeSet::new();
         for row in &self.rows {
             let key = row.key().to_string();
@@ -538,7 +548,7 @@ impl SuiteResults {
             ));
         }
         let (mut count, mut wrong, mut tied) = (0_u32, 0.0, 0_u32);
-        for query in &self.queries {
+        for query in self.queries.iter().filter(|query| query.truth.is_some()) {
             if let Some(answer) = query.answers.get(key) {
                 count += 1;
                 wrong += answer.wrong(query.truth.as_deref());

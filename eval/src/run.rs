@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use chronotope::Time;
 use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
 use chronotope::dataset::{Dataset, Manifest};
 use chronotope::feature::{StarBrief, StarBriefConfig};
@@ -11,10 +12,12 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::exhibit::pictures;
 use crate::harness::{Fold, Tallies, folds};
+use crate::judgement::judge_all;
 use crate::material::Material;
 use crate::metrics::PairedDifference;
 use crate::report::Pictures;
 use crate::results::{SuiteResults, Variant};
+use crate::several::Parts;
 use crate::suite::{Protocol, Suite};
 
 /// The number of features at which a synthetic suite compares methods in words.
@@ -60,9 +63,26 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Vec<(SuiteResults, Pic
                 .extend(against_static(&control, "FreMEn against static"));
             vec![(main, main_pictures), (control, control_pictures)]
         }
+        Protocol::Several {
+            suites,
+            leave_place_out,
+            num_seeds,
+        } => {
+            let parts = Parts {
+                suites,
+                leave_place_out: *leave_place_out,
+                num_seeds: *num_seeds,
+            };
+            vec![(parts.run(suite, options)?, Pictures::default())]
+        }
         _ => vec![run_images(suite, options)?],
     };
+    let parts: &[String] = match &suite.protocol {
+        Protocol::Several { suites, .. } => suites,
+        _ => &[],
+    };
     for (results, _) in &mut all {
+        results.judgement = judge_all(results, parts);
         results.commit = commit();
         results.machine = machine();
         results.command.clone_from(&options.command);
@@ -70,7 +90,8 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Vec<(SuiteResults, Pic
     Ok(all)
 }
 
-fn run_images(suite: &Suite, options: &RunOptions) -> Result<(SuiteResults, Pictures)> {
+/// The images of a suite with their features, and its folds.
+pub(crate) fn images(suite: &Suite, options: &RunOptions) -> Result<(Material, Vec<Fold>)> {
     let manifest = Manifest::find_builtin(&suite.dataset)?;
     let data = options.data.as_deref().with_context(|| {
         format!(
@@ -80,12 +101,17 @@ fn run_images(suite: &Suite, options: &RunOptions) -> Result<(SuiteResults, Pict
         )
     })?;
     let dataset = Dataset::open_with(&manifest, data)?;
-    let mut results = SuiteResults::new(&suite.name, &dataset.name);
-    results.dataset_sha256 = dataset.sha256();
     let bar = progress(dataset.entries.len(), "features");
     let material = Material::new(dataset, &extractor()?, Some(&options.cache), &|| bar.inc(1))?;
     bar.finish_and_clear();
     let folds = folds(&suite.protocol, &material.dataset, Some(&manifest))?;
+    Ok((material, folds))
+}
+
+fn run_images(suite: &Suite, options: &RunOptions) -> Result<(SuiteResults, Pictures)> {
+    let (material, folds) = images(suite, options)?;
+    let mut results = SuiteResults::new(&suite.name, &material.dataset.name);
+    results.dataset_sha256 = material.dataset.sha256();
     results.split = describe(&suite.protocol, &folds);
     let mut tallies = Tallies::new(suite);
     let bar = progress(folds.len() * suite.arms.len(), "folds");
@@ -104,13 +130,22 @@ fn run_images(suite: &Suite, options: &RunOptions) -> Result<(SuiteResults, Pict
 }
 
 /// The worlds of a synthetic suite: seeds `1..=seeds`, rounds to learn and to ask about.
-struct Worlds {
-    seeds: u64,
-    learn: usize,
-    query: usize,
+pub(crate) struct Worlds {
+    pub(crate) seeds: u64,
+    pub(crate) learn: usize,
+    pub(crate) query: usize,
 }
 
 impl Worlds {
+    /// The images of one world, and when the first one is asked for.
+    pub(crate) fn world(&self, seed: u64, rhythms: bool, name: &str) -> Result<(Dataset, Time)> {
+        let world = World::new(&WorldConfig::new(seed).rhythms(rhythms))?;
+        let schedule = Schedule::standard(seed, self.learn, self.query);
+        let all: Vec<_> = [&schedule.learn[..], &schedule.query[..]].concat();
+        let split = schedule.query.first().copied().unwrap_or_default();
+        Ok((world.dataset(name, &all), split))
+    }
+
     fn run(&self, suite: &Suite, rhythms: bool) -> Result<(SuiteResults, Pictures)> {
         let name = if rhythms {
             "synthetic"
@@ -125,16 +160,10 @@ impl Worlds {
         let mut shown = None;
         let bar = progress(self.seeds as usize, name);
         for seed in 1..=self.seeds {
-            let world = World::new(&WorldConfig::new(seed).rhythms(rhythms))?;
-            let schedule = Schedule::standard(seed, self.learn, self.query);
-            let all: Vec<_> = [&schedule.learn[..], &schedule.query[..]].concat();
-            let dataset = world.dataset(name, &all);
+            let (dataset, split) = self.world(seed, rhythms, name)?;
             digest.push_str(&dataset.sha256());
             let material = Material::new(dataset, &extractor, None, &|| {})?;
-            let split = schedule.query.first().copied().unwrap_or_default();
-            let (query, learn) = (0..material.dataset.entries.len())
-                .partition(|&i| material.dataset.entries[i].time >= split);
-            let fold = Fold { learn, query };
+            let fold = split_at(&material, split);
             tallies.add(&material, &[fold], Some(&prefix(seed)), &|| {})?;
             shown.get_or_insert(material);
             bar.inc(1);
@@ -157,8 +186,15 @@ impl Worlds {
     }
 }
 
+/// Learns what was seen before `split`, asks for the rest.
+pub(crate) fn split_at(material: &Material, split: Time) -> Fold {
+    let (query, learn) = (0..material.dataset.entries.len())
+        .partition(|&i| material.dataset.entries[i].time >= split);
+    Fold { learn, query }
+}
+
 /// What the ids of a world's queries begin with.
-fn prefix(seed: u64) -> String {
+pub(crate) fn prefix(seed: u64) -> String {
     format!("seed {seed:02}")
 }
 
@@ -207,7 +243,7 @@ fn describe(protocol: &Protocol, folds: &[Fold]) -> String {
     }
 }
 
-fn extractor() -> Result<StarBrief> {
+pub(crate) fn extractor() -> Result<StarBrief> {
     Ok(StarBrief::new(StarBriefConfig::default())?)
 }
 
@@ -251,7 +287,7 @@ pub(crate) fn commit() -> String {
     }
 }
 
-fn sha256(bytes: &[u8]) -> String {
+pub(crate) fn sha256(bytes: &[u8]) -> String {
     use sha2::{Digest, Sha256};
     hex(&Sha256::digest(bytes))
 }

@@ -32,6 +32,8 @@ const BUILTIN: &[(&str, &str)] = &[
     ("aruba", include_str!("../suites/aruba.toml")),
     ("edges", include_str!("../suites/edges.toml")),
     ("synthetic", include_str!("../suites/synthetic.toml")),
+    ("foreign", include_str!("../suites/foreign.toml")),
+    ("ablation", include_str!("../suites/ablation.toml")),
 ];
 
 /// One suite.
@@ -87,6 +89,22 @@ pub enum Protocol {
         /// Visits of each place that are asked for.
         num_query: usize,
     },
+    /// The datasets of other suites, each by its own protocol, in one run.
+    #[serde(rename_all = "kebab-case")]
+    Several {
+        /// Names of these suites.
+        suites: Vec<String>,
+        /// Whether each place's queries are also asked with the place left out of the map.
+        #[serde(default)]
+        leave_place_out: bool,
+        /// Of a synthetic suite among them, so many worlds.
+        #[serde(default = "one")]
+        num_seeds: u64,
+    },
+}
+
+const fn one() -> u64 {
+    1
 }
 
 /// The files of a suite of series.
@@ -132,6 +150,10 @@ pub struct Arm {
     /// Where given, the time of a place's i-th visit is i times this many seconds, as in the reference
     /// benchmark, which knows the month of a visit only.
     pub visit_clock_s: Option<f64>,
+    /// How features are chosen, where not as the preset does.
+    pub choice: Option<Choice>,
+    /// Added to the names of models, to tell the arms of an ablation apart.
+    pub label: Option<String>,
 }
 
 fn all_methods() -> Vec<Method> {
@@ -203,6 +225,21 @@ impl Suite {
 }
 
 impl Arm {
+    /// The runs where times are no clock: a run that needs one is replaced by `static` and keeps its name,
+    /// as the default configuration does without a time that it can use.
+    pub fn runs_without_clock(&self) -> Vec<Run> {
+        let mut runs = self.runs(true);
+        for run in runs
+            .iter_mut()
+            .filter(|run| run.localizer.method().needs_time())
+        {
+            run.localizer = (run.localizer.clone())
+                .with_method(Method::Static)
+                .with_visibility(VisibilityConfig::mean());
+        }
+        runs
+    }
+
     /// The time between visits, where visits are numbered instead of dated.
     pub fn visit_clock(&self) -> Result<Option<Period>> {
         self.visit_clock_s.map(Period::from_s).transpose()
@@ -219,6 +256,10 @@ impl Arm {
                 continue;
             }
             let base = LocalizerConfig::preset(self.preset).with_method(method);
+            let base = match self.choice {
+                Some(choice) => base.with_choice(choice),
+                None => base,
+            };
             match method {
                 Method::Static => {
                     self.predicting(
@@ -253,6 +294,11 @@ impl Arm {
                 }
             }
         }
+        if let Some(label) = &self.label {
+            for run in &mut runs {
+                run.model = format!("{} {label}", run.model);
+            }
+        }
         runs
     }
 
@@ -264,6 +310,15 @@ impl Arm {
 
     /// The runs of one model of features.
     fn predicting(&self, runs: &mut Vec<Run>, cfg: &LocalizerConfig, model: &str, order: u32) {
+        if self.choice.is_some() {
+            runs.push(Run {
+                localizer: scored(cfg, &self.scores),
+                scores: self.scores.clone(),
+                model: model.into(),
+                order,
+            });
+            return;
+        }
         let (likelihood, counting): (Vec<Score>, Vec<Score>) =
             (self.scores.iter()).partition(|score| **score == Score::Likelihood);
         let as_in_papers = cfg.clone().with_choice(Choice::Likeliest);
@@ -313,6 +368,24 @@ mod tests {
             }
             assert!(suite.sizes.is_sorted(), "{}", suite.name);
         }
+    }
+
+    #[test]
+    fn the_arms_of_an_ablation_differ_from_the_default_and_in_name() {
+        let suite = Suite::find("ablation").unwrap();
+        let mut names = std::collections::BTreeSet::new();
+        let mut num_defaults = 0;
+        for arm in &suite.arms {
+            for run in arm.runs(true) {
+                num_defaults += usize::from(run.localizer == LocalizerConfig::default());
+                for &score in &arm.scores {
+                    let name = run.variant(arm.preset, score).to_string();
+                    assert!(names.insert(name.clone()), "{name} is there twice");
+                }
+            }
+        }
+        assert_eq!(num_defaults, 1);
+        assert!(names.iter().any(|name| name.contains("likeliest")));
     }
 
     #[test]

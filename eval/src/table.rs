@@ -6,6 +6,7 @@
 
 use std::fmt::Write as _;
 
+use crate::judgement::Judgement;
 use crate::results::{Row, SuiteResults, Variant};
 
 /// Columns of the methods' names.
@@ -103,6 +104,7 @@ pub fn render(results: &SuiteResults, n: Option<u32>) -> String {
     };
     over_n(&mut text, results);
     at_n(&mut text, results, n);
+    judgement(&mut text, results, n);
     if results.rows.iter().any(|row| row.is_default) {
         text.push_str("\n* the shipped default configuration\n");
     }
@@ -167,6 +169,121 @@ fn at_n(text: &mut String, results: &SuiteResults, n: u32) {
             short_ms(row.ms_p99)
         );
     });
+}
+
+/// What posteriors and decisions are worth at `n`; nothing where no row was judged.
+fn judgement(text: &mut String, results: &SuiteResults, n: u32) {
+    let judged = || results.judgement.iter().filter(|it| it.n == n);
+    if judged().next().is_none() {
+        return;
+    }
+    let has_foreign = judged().any(|it| it.foreign.is_some());
+    let _ = writeln!(
+        text,
+        "\nPosterior at n = {n}{} (ECE: calibration error of the first choice)",
+        if has_foreign {
+            ", foreign queries mixed in by the prior"
+        } else {
+            ""
+        }
+    );
+    let _ = writeln!(
+        text,
+        "{:<NAME_WIDTH$}{:>7}{:>7}{:>7}{:>8}{:>7} {:>15}{:>7}{:>7}",
+        "method model order", "R@1", "R@5", "AP", "R@100P", "ECE", "interval", "Brier", "ln p"
+    );
+    for_each_judged(text, results, n, |text, it| {
+        let calibration = it.calibration();
+        let ece = calibration.expected_error;
+        let interval = format!("[{:.3}, {:.3}]", ece.ci_low, ece.ci_high);
+        let _ = write!(
+            text,
+            "{:>7.3}{:>7.3}{:>7.3}{:>8.3}{:>7.3} {interval:>15}{:>7.3}{:>7.3}",
+            it.native.recall_at_1.value,
+            it.native.recall_at_5.value,
+            it.retrieval().average_precision,
+            it.retrieval().recall_at_full_precision,
+            ece.value,
+            calibration.brier.value,
+            calibration.log_loss.value
+        );
+    });
+    let risk = judged().next().map_or(0.0, |it| it.native.decisions.risk);
+    let _ = writeln!(
+        text,
+        "\nDecisions at n = {n} and risk {risk}, % of queries (in brackets: with a wrong first choice)"
+    );
+    let _ = writeln!(
+        text,
+        "{:<NAME_WIDTH$}{:>15}{:>15}{:>15}{:>21}",
+        "method model order",
+        "located",
+        "ambiguous",
+        "unknown",
+        if has_foreign { "foreign accepted" } else { "" }
+    );
+    for_each_judged(text, results, n, |text, it| {
+        let decisions = &it.native.decisions;
+        for outcome in [decisions.located, decisions.ambiguous, decisions.unknown] {
+            let cell = format!(
+                "{:.1} ({:.1})",
+                100.0 * outcome.share.value,
+                100.0 * outcome.wrong
+            );
+            let _ = write!(text, "{cell:>15}");
+        }
+        if let Some(foreign) = &it.foreign {
+            let accepted = foreign.decisions.located.share;
+            let cell = format!(
+                "{:.1} [{:.1}, {:.1}]",
+                100.0 * accepted.value,
+                100.0 * accepted.ci_low,
+                100.0 * accepted.ci_high
+            );
+            let _ = write!(text, "{cell:>21}");
+        }
+    });
+    for it in judged().filter(|it| it.is_default && it.part.is_none()) {
+        for against in &it.against {
+            let _ = writeln!(
+                text,
+                "default against tempered {}: Brier {:+.3} [{:+.3}, {:+.3}], ln p {:+.3} [{:+.3}, {:+.3}]",
+                against.score,
+                against.brier.value,
+                against.brier.ci_low,
+                against.brier.ci_high,
+                against.log_loss.value,
+                against.log_loss.ci_low,
+                against.log_loss.ci_high
+            );
+        }
+    }
+}
+
+/// Writes one line per judged row at `n` under headings of part, preset and score.
+fn for_each_judged(
+    text: &mut String,
+    results: &SuiteResults,
+    n: u32,
+    mut cells: impl FnMut(&mut String, &Judgement),
+) {
+    let mut heading = None;
+    for it in results.judgement.iter().filter(|it| it.n == n) {
+        let at = (it.part.as_deref(), it.preset.as_str(), it.score.as_str());
+        if heading != Some(at) {
+            heading = Some(at);
+            let part = it
+                .part
+                .as_ref()
+                .map_or_else(String::new, |part| format!("{part}: "));
+            let _ = writeln!(text, "{part}preset {}, score {}", it.preset, it.score);
+        }
+        let mark = if it.is_default { '*' } else { ' ' };
+        let name = format!("{mark} {}", short_name(&it.variant()));
+        let _ = write!(text, "{:<NAME_WIDTH$}", clip(&name, NAME_WIDTH - 1));
+        cells(text, it);
+        text.push('\n');
+    }
 }
 
 /// Writes one line per variant under headings of preset and score.

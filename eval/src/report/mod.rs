@@ -8,6 +8,7 @@
 //! the caller. Text of the input is escaped everywhere.
 
 mod html;
+mod judgement;
 mod pictures;
 mod plot;
 mod sections;
@@ -162,6 +163,7 @@ pub fn render(input: &ReportInput<'_>) -> Result<String> {
             "Re-observation",
             sections::reobservation(results),
         ),
+        ("judgement", "Trust", judgement::section(results)),
         ("cost", "Cost", sections::cost(results)),
         ("confusion", "Confusion", sections::confusion(results)),
         (

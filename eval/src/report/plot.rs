@@ -37,12 +37,22 @@ pub(super) struct Series {
     pub(super) points: Vec<Point>,
 }
 
-/// A plot of error (in %, from 0) over a logarithmic axis.
-pub(super) struct ErrorPlot<'a> {
+/// How a horizontal axis is divided.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Scale {
+    Linear,
+    Logarithmic,
+}
+
+/// A plot of shares (in %, from 0).
+pub(super) struct SharePlot<'a> {
     pub(super) title: &'a str,
     /// What a reader who cannot see it should know.
     pub(super) description: String,
     pub(super) x_label: &'a str,
+    pub(super) x_scale: Scale,
+    /// A line to compare the others with.
+    pub(super) guide: Option<[(f64, f64); 2]>,
     /// Positions and texts below the axis, ascending; an empty text is a bare tick.
     pub(super) x_ticks: Vec<(f64, String)>,
     pub(super) series: &'a [Series],
@@ -96,7 +106,7 @@ pub(super) fn marker(html: &mut String, style: usize, class: &str, x: f64, y: f6
     html.push_str(&shape);
 }
 
-impl ErrorPlot<'_> {
+impl SharePlot<'_> {
     /// The plot as a `figure` with its key; empty without points.
     pub(super) fn render(&self) -> String {
         let mut html = String::new();
@@ -127,15 +137,19 @@ impl ErrorPlot<'_> {
         let height = if self.is_lead { 360.0 } else { 300.0 };
         let bottom = height - BOTTOM;
         let points = || self.series.iter().flat_map(|series| &series.points);
-        let logs = || {
-            let ticks = self.x_ticks.iter().map(|(x, _)| *x);
-            points().map(|point| point.x).chain(ticks).map(log10)
+        let scaled = |x: f64| match self.x_scale {
+            Scale::Linear => x,
+            Scale::Logarithmic => log10(x),
         };
-        let first = logs().fold(f64::INFINITY, f64::min);
-        let last = logs().fold(f64::NEG_INFINITY, f64::max);
+        let all_x = || {
+            let ticks = self.x_ticks.iter().map(|(x, _)| *x);
+            points().map(|point| point.x).chain(ticks).map(scaled)
+        };
+        let first = all_x().fold(f64::INFINITY, f64::min);
+        let last = all_x().fold(f64::NEG_INFINITY, f64::max);
         let span = if last > first { last - first } else { 1.0 };
         // A little air on both sides, so that markers are not cut.
-        let px = |x: f64| LEFT + 8.0 + (log10(x) - first) / span * (WIDTH - LEFT - RIGHT - 16.0);
+        let px = |x: f64| LEFT + 8.0 + (scaled(x) - first) / span * (WIDTH - LEFT - RIGHT - 16.0);
         let (top_value, step) = nice_axis(points().map(|point| point.y).fold(0.0, f64::max));
         let py = |y: f64| bottom - y / top_value * (bottom - TOP);
 
@@ -180,6 +194,10 @@ impl ErrorPlot<'_> {
             Esc(self.x_label),
             self.id
         );
+        if let Some(guide) = self.guide {
+            let line = guide.into_iter().map(|(x, y)| (px(x), py(y)));
+            put!(html, "<path class=\"axis\" d=\"{}\"/>", path(line));
+        }
         let (main, others): (Vec<_>, Vec<_>) =
             self.series.iter().enumerate().partition(|(_, s)| s.is_main);
         for (index, series) in others.into_iter().chain(main) {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::html::{Esc, put, signed};
-use super::plot::{ErrorPlot, Point, Series};
+use super::plot::{Point, Scale, Series, SharePlot};
 use crate::metrics::{Confusion, PairedDifference};
 use crate::results::{Order, Row, SuiteResults, Variant};
 use crate::table::{detail_n, grouped, header_lines, short_count, short_ms};
@@ -40,7 +40,7 @@ fn colour(method: &str) -> usize {
 }
 
 /// Method with model and order, for people: parts that say nothing are left out.
-fn label(variant: &Variant) -> String {
+pub(super) fn label(variant: &Variant) -> String {
     let mut text = variant.method.clone();
     if !matches!(variant.model.as_str(), "mean" | "none" | "-" | "") {
         put!(text, " {}", variant.model);
@@ -55,7 +55,7 @@ fn label(variant: &Variant) -> String {
 
 /// The variant that the headline is about: the shipped default, else the first FreMEn, else the
 /// first of all. Never the best one: choosing it by the queries would flatter it.
-fn headline(results: &SuiteResults) -> Option<Variant> {
+pub(super) fn headline(results: &SuiteResults) -> Option<Variant> {
     let variants = results.variants();
     results
         .default_variant()
@@ -313,7 +313,7 @@ fn error_plots(results: &SuiteResults, along: Along) -> String {
             .map(|series| format!("{}: {}", series.name, series.value))
             .collect::<Vec<_>>()
             .join("; ");
-        let plot = ErrorPlot {
+        let plot = SharePlot {
             title: &title,
             description: format!(
                 "Wrong answers in per cent over {}; {title}. At n = {n}: {best}.",
@@ -326,6 +326,8 @@ fn error_plots(results: &SuiteResults, along: Along) -> String {
                 Along::N => "n, features per place",
                 Along::Pairs => "descriptor pairs compared per image",
             },
+            x_scale: Scale::Logarithmic,
+            guide: None,
             x_ticks: ticks(results, &series, along),
             series: &series,
             is_lead,

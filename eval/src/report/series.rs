@@ -10,7 +10,7 @@ use chronotope::Result;
 
 use super::document;
 use super::html::{Esc, put};
-use super::plot::{ErrorPlot, Point, Series, path};
+use super::plot::{Point, Scale, Series, SharePlot, path};
 use crate::results::{Order, write_atomically};
 use crate::series::sampling::Sampling;
 use crate::series::{Drawing, Line, Measured, Row, SeriesResults, Spectrum, facts, is_in_table};
@@ -342,7 +342,9 @@ fn order_plot(
         .collect();
     let at_the_end = |series: &Series| series.points.last().map_or(0.0, |point| point.y);
     series.sort_by(|a, b| at_the_end(b).total_cmp(&at_the_end(a)));
-    let plot = ErrorPlot {
+    let plot = SharePlot {
+        x_scale: Scale::Logarithmic,
+        guide: None,
         title,
         description: format!("{title}, over the order of the model"),
         x_label: "order: rhythms that the model has",

@@ -38,6 +38,7 @@ fn a_report_is_one_file_that_loads_nothing_and_repeats_its_bytes() {
         "features",
         "visibility",
         "reobservation",
+        "judgement",
         "cost",
         "mistakes",
     ] {

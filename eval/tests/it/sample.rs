@@ -7,6 +7,7 @@
 
 use std::collections::BTreeMap;
 
+use chronotope_eval::judgement::judge_all;
 use chronotope_eval::metrics::{Sample, Tally};
 use chronotope_eval::results::{
     Answer, Decision, ELSEWHERE, LeakCheck, Query, Reobservation, RowKey, StageLatency,
@@ -194,5 +195,6 @@ pub(crate) fn sample_results() -> SuiteResults {
             });
         }
     }
+    results.judgement = judge_all(&results, &[]);
     results
 }

@@ -1,0 +1,548 @@
+//! Do posteriors and decisions deserve the trust that they ask for?
+//!
+//! A row with a posterior is judged on three sets of queries:
+//!
+//! - *native*: their place is in the map. Recall, precision-recall, decisions, calibration.
+//! - *foreign* (suite `foreign`): their place was kept out of the map, so that every place is wrong.
+//!   How often is one accepted?
+//! - *mixed*: both, weighted so that foreign queries are as frequent as the prior of elsewhere says.
+//!   A posterior is a statement about this mixture, and is calibrated on it or not at all: on native
+//!   queries alone the right posterior is less sure than it is right, on foreign ones it is too sure.
+//!
+//! Everything here lies in 0..=1 (Brier score 0..=2, log loss in nats), with 95 % intervals from the
+//! bootstrap of [`metrics`](crate::metrics), whole groups drawn.
+
+mod decisions;
+mod reliability;
+mod retrieval;
+mod scoring;
+
+use chronotope::localize::LocalizerConfig;
+use serde::{Deserialize, Serialize};
+
+pub use decisions::{AtRisk, Decisions, Outcome, at_risks};
+pub use reliability::{Bin, Claim, NUM_BINS, bins, expected_error};
+pub use retrieval::{PrecisionRecall, Retrieval, first_choice, recall_at, retrieval};
+pub use scoring::{LEAST, brier, log_loss};
+
+use crate::metrics::{Estimate, Interval, Sample};
+use crate::results::{Order, Query, Row, RowKey, SuiteResults, Variant};
+
+/// The n that are judged, where a run has them.
+const JUDGED_N: [u32; 3] = [30, 50, 100];
+
+/// What the default score is compared with.
+const PLAIN_SCORES: [&str; 2] = ["inliers", "count"];
+
+/// The score whose decisions are taken by risk while localising.
+const DECIDING_SCORE: &str = "likelihood";
+
+/// A number with its 95 % interval.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    /// The number.
+    pub value: f64,
+    /// Lower end.
+    pub ci_low: f64,
+    /// Upper end.
+    pub ci_high: f64,
+}
+
+impl Measured {
+    /// A number and its interval.
+    pub fn new(value: f64, interval: Interval) -> Self {
+        Self {
+            value,
+            ci_low: interval.low,
+            ci_high: interval.high,
+        }
+    }
+
+    fn is_finite(&self) -> bool {
+        [self.value, self.ci_low, self.ci_high]
+            .iter()
+            .all(|number| number.is_finite())
+    }
+}
+
+impl From<Estimate> for Measured {
+    fn from(estimate: Estimate) -> Self {
+        Self::new(estimate.mean, estimate.interval)
+    }
+}
+
+/// Whether probabilities are what they say.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Calibration {
+    /// Expected calibration error of the first choice's probability.
+    pub expected_error: Measured,
+    /// Brier score over the places and elsewhere.
+    pub brier: Measured,
+    /// Log loss, nats.
+    pub log_loss: Measured,
+    /// The reliability diagram.
+    pub bins: Vec<Bin>,
+}
+
+/// What became of queries whose place is in the map.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Native {
+    /// Number of queries.
+    pub queries: u32,
+    /// The true place is the most probable one.
+    pub recall_at_1: Measured,
+    /// It is among the five most probable ones.
+    pub recall_at_5: Measured,
+    /// Precision and recall over the posterior of the first choice.
+    pub retrieval: Retrieval,
+    /// Located, ambiguous, unknown.
+    pub decisions: Decisions,
+    /// Of the posterior.
+    pub calibration: Calibration,
+}
+
+/// What became of queries whose place is not in the map.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Foreign {
+    /// Number of queries.
+    pub queries: u32,
+    /// Located all the same (false-accept rate), ambiguous, unknown.
+    pub decisions: Decisions,
+    /// Of the posterior.
+    pub calibration: Calibration,
+}
+
+/// Native and foreign queries together.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Mixed {
+    /// The share that foreign queries are weighted to.
+    pub elsewhere: f64,
+    /// Of the posterior.
+    pub calibration: Calibration,
+    /// Accepting a foreign query is a mistake.
+    pub retrieval: Retrieval,
+}
+
+/// The paired difference to another score on the same queries: negative is better than the other.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Against {
+    /// The other score, tempered in the same way.
+    pub score: String,
+    /// Difference of Brier scores.
+    pub brier: Measured,
+    /// Difference of log losses, nats.
+    pub log_loss: Measured,
+}
+
+/// What a row's posteriors and decisions are worth.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Judgement {
+    /// Whether the shipped default configuration gives this row.
+    pub is_default: bool,
+    /// Configuration.
+    pub preset: String,
+    /// Method.
+    pub method: String,
+    /// Visibility model.
+    pub model: String,
+    /// Score.
+    pub score: String,
+    /// Components of the model.
+    pub order: Order,
+    /// Features per node.
+    pub n: u32,
+    /// The dataset that the queries are of, in a suite of several; none for all of them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part: Option<String>,
+    /// Queries with a true place.
+    pub native: Native,
+    /// Queries without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub foreign: Option<Foreign>,
+    /// Both.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mixed: Option<Mixed>,
+    /// What other risks would give.
+    pub risks: Vec<AtRisk>,
+    /// Only for the score `likelihood`: on mixed queries where there are foreign ones, else on native ones.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub against: Vec<Against>,
+}
+
+/// One query with the posterior of one row.
+#[derive(Clone, Copy, Debug)]
+struct Judged<'r> {
+    query: &'r Query,
+    answer: &'r crate::results::Answer,
+    claim: Claim<'r>,
+}
+
+impl<'r> Judged<'r> {
+    fn of(query: &'r Query, key: &str) -> Option<Self> {
+        let answer = query.answers.get(key)?;
+        if answer.posterior.is_empty() {
+            return None;
+        }
+        let (confidence, right) = first_choice(&answer.posterior, query.truth.as_deref());
+        let claim = Claim {
+            group: query.group.as_deref(),
+            confidence,
+            right,
+            weight: 1.0,
+        };
+        Some(Self {
+            query,
+            answer,
+            claim,
+        })
+    }
+
+    fn truth(&self) -> Option<&'r str> {
+        self.query.truth.as_deref()
+    }
+
+    fn brier(&self) -> f64 {
+        brier(&self.answer.posterior, self.truth())
+    }
+
+    fn log_loss(&self) -> f64 {
+        log_loss(&self.answer.posterior, self.truth())
+    }
+
+    fn elsewhere(&self) -> f64 {
+        let p = self.answer.posterior.get(crate::results::ELSEWHERE);
+        p.copied().unwrap_or(0.0)
+    }
+}
+
+fn weighted<'r>(judged: &[Judged<'r>], value: impl Fn(&Judged<'r>) -> f64) -> Measured {
+    let values = judged.iter();
+    Sample::weighted(values.map(|it| (it.claim.group, value(it), it.claim.weight)))
+        .estimate()
+        .into()
+}
+
+fn rate<'r>(judged: &[Judged<'r>], value: impl Fn(&Judged<'r>) -> f64) -> Measured {
+    Sample::grouped(judged.iter().map(|it| (it.claim.group, value(it))))
+        .rate()
+        .into()
+}
+
+fn claims<'r>(judged: &[Judged<'r>]) -> Vec<Claim<'r>> {
+    judged.iter().map(|it| it.claim).collect()
+}
+
+fn calibration(judged: &[Judged<'_>]) -> Calibration {
+    let claims = claims(judged);
+    Calibration {
+        expected_error: expected_error(&claims),
+        brier: weighted(judged, Judged::brier),
+        log_loss: weighted(judged, Judged::log_loss),
+        bins: bins(&claims),
+    }
+}
+
+/// Both sets, with weights that make `elsewhere` the share of the foreign ones and keep the mean weight 1.
+fn mix<'r>(native: &[Judged<'r>], foreign: &[Judged<'r>], elsewhere: f64) -> Vec<Judged<'r>> {
+    let total = (native.len() + foreign.len()) as f64;
+    let weigh = |set: &[Judged<'r>], share: f64| -> Vec<Judged<'r>> {
+        let weight = share * total / set.len().max(1) as f64;
+        (set.iter())
+            .map(|it| Judged {
+                claim: Claim { weight, ..it.claim },
+                ..*it
+            })
+            .collect()
+    };
+    let mut all = weigh(native, 1.0 - elsewhere);
+    all.extend(weigh(foreign, elsewhere));
+    all
+}
+
+/// Judges one row on `queries`; none where it has no posterior for any query of the map.
+fn judge(
+    queries: &[&Query],
+    key: &RowKey,
+    is_default: bool,
+    part: Option<&str>,
+) -> Option<Judgement> {
+    let cfg = LocalizerConfig::default();
+    let name = key.to_string();
+    let (native, foreign): (Vec<_>, Vec<_>) = (queries.iter())
+        .filter_map(|query| Judged::of(query, &name))
+        .partition(|it| it.truth().is_some());
+    if native.is_empty() {
+        return None;
+    }
+    let mixed = (!foreign.is_empty()).then(|| mix(&native, &foreign, cfg.elsewhere()));
+    let Variant {
+        preset,
+        method,
+        model,
+        score,
+        order,
+    } = key.variant.clone();
+    let decides = score == DECIDING_SCORE;
+    Some(Judgement {
+        is_default,
+        against: if decides {
+            against(queries, key, cfg.elsewhere())
+        } else {
+            Vec::new()
+        },
+        preset,
+        method,
+        model,
+        score,
+        order,
+        n: key.n,
+        part: part.map(str::to_owned),
+        risks: at_risks(&claims(&native), &claims(&foreign)),
+        native: Native {
+            queries: native.len() as u32,
+            recall_at_1: rate(&native, |it| it.claim.right),
+            recall_at_5: rate(&native, |it| recall_at(&it.answer.posterior, it.truth(), 5)),
+            retrieval: retrieval(&claims(&native), native.len() as f64),
+            decisions: Decisions::of(&native, cfg.risk(), decides),
+            calibration: calibration(&native),
+        },
+        foreign: (!foreign.is_empty()).then(|| Foreign {
+            queries: foreign.len() as u32,
+            decisions: Decisions::of(&foreign, cfg.risk(), decides),
+            calibration: calibration(&foreign),
+        }),
+        mixed: mixed.map(|mixed| {
+            let claims = claims(&mixed);
+            let native = claims.len() as f64 * (1.0 - cfg.elsewhere());
+            Mixed {
+                elsewhere: cfg.elsewhere(),
+                calibration: calibration(&mixed),
+                retrieval: retrieval(&claims, native),
+            }
+        }),
+    })
+}
+
+/// The row against the same one with the plain scores, per query that both have.
+fn against(queries: &[&Query], key: &RowKey, elsewhere: f64) -> Vec<Against> {
+    let name = key.to_string();
+    let compared = PLAIN_SCORES.into_iter().filter_map(|score| {
+        let other = Variant {
+            score: score.into(),
+            ..key.variant.clone()
+        };
+        let other = other.at(key.n).to_string();
+        let pairs: Vec<_> = (queries.iter())
+            .filter_map(|query| Some((Judged::of(query, &name)?, Judged::of(query, &other)?)))
+            .collect();
+        let num_native = pairs.iter().filter(|(it, _)| it.truth().is_some()).count();
+        let num_foreign = pairs.len() - num_native;
+        if num_native == 0 {
+            return None;
+        }
+        let weight = |it: &Judged<'_>| match (it.truth(), num_foreign) {
+            (_, 0) => 1.0,
+            (Some(_), _) => (1.0 - elsewhere) / num_native as f64,
+            (None, _) => elsewhere / num_foreign as f64,
+        };
+        let difference = |loss: fn(&Judged<'_>) -> f64| -> Measured {
+            let pairs = pairs.iter();
+            let values =
+                pairs.map(|(it, other)| (it.claim.group, loss(it) - loss(other), weight(it)));
+            Sample::weighted(values).estimate().into()
+        };
+        Some(Against {
+            score: score.into(),
+            brier: difference(|it| it.brier()),
+            log_loss: difference(|it| it.log_loss()),
+        })
+    });
+    compared.collect()
+}
+
+/// Judges every row of a run that has a posterior; with `parts` (datasets, of which the ids of queries
+/// begin with `PART/`) the rows of the default's method for each of them as well.
+pub fn judge_all(results: &SuiteResults, parts: &[String]) -> Vec<Judgement> {
+    let all: Vec<&Query> = results.queries.iter().collect();
+    let of_part = |part: &str| -> Vec<&Query> {
+        let is_of = |query: &&Query| {
+            let rest = query.id.strip_prefix(part);
+            rest.is_some_and(|rest| rest.starts_with('/'))
+        };
+        results.queries.iter().filter(is_of).collect()
+    };
+    let mut sets = vec![(None, all)];
+    sets.extend(
+        parts
+            .iter()
+            .map(|part| (Some(part.as_str()), of_part(part))),
+    );
+    let default = results.default_variant().map(|variant| variant.method);
+    let judged_n = |n: u32| JUDGED_N.contains(&n) || Some(n) == crate::table::detail_n(results);
+    let is_judged = |row: &&Row| judged_n(row.n);
+    let mut judgements = Vec::new();
+    for (part, queries) in sets {
+        for (_, _, variants) in crate::table::grouped(results) {
+            for variant in variants {
+                if part.is_some() && Some(&variant.method) != default.as_ref() {
+                    continue;
+                }
+                let rows = results.rows.iter().filter(|row| row.is_of(&variant));
+                judgements.extend(
+                    (rows.filter(is_judged))
+                        .filter_map(|row| judge(&queries, &row.key(), row.is_default, part)),
+                );
+            }
+        }
+    }
+    judgements
+}
+
+impl Judgement {
+    /// All names but n.
+    pub fn variant(&self) -> Variant {
+        Variant {
+            preset: self.preset.clone(),
+            method: self.method.clone(),
+            model: self.model.clone(),
+            score: self.score.clone(),
+            order: self.order,
+        }
+    }
+
+    /// The calibration on what a posterior is about: the mixture where it is known, else native queries.
+    pub fn calibration(&self) -> &Calibration {
+        (self.mixed.as_ref()).map_or(&self.native.calibration, |mixed| &mixed.calibration)
+    }
+
+    /// Precision and recall, with foreign queries where there are some.
+    pub fn retrieval(&self) -> &Retrieval {
+        (self.mixed.as_ref()).map_or(&self.native.retrieval, |mixed| &mixed.retrieval)
+    }
+
+    /// Whether JSON can hold every number.
+    pub(crate) fn is_finite(&self) -> bool {
+        let calibrations = [Some(&self.native.calibration)]
+            .into_iter()
+            .chain([self.foreign.as_ref().map(|it| &it.calibration)])
+            .chain([self.mixed.as_ref().map(|it| &it.calibration)])
+            .flatten();
+        let losses = self.against.iter().flat_map(|it| [it.brier, it.log_loss]);
+        calibrations
+            .flat_map(|it| [it.expected_error, it.brier, it.log_loss])
+            .chain(losses)
+            .chain([self.native.recall_at_1, self.native.recall_at_5])
+            .all(|measured| measured.is_finite())
+            && self.retrieval().average_precision.is_finite()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::results::{Answer, Decision, ELSEWHERE};
+    use std::collections::BTreeMap;
+
+    fn key(score: &str) -> RowKey {
+        format!("default/static/mean/{score}/0/50").parse().unwrap()
+    }
+
+    fn answer(a: f64, b: f64) -> Answer {
+        let first = if a >= b { "a" } else { "b" };
+        Answer {
+            first: Some(first.into()),
+            decision: Decision::At(first.into()),
+            posterior: BTreeMap::from([
+                ("a".into(), a),
+                ("b".into(), b),
+                (ELSEWHERE.into(), 1.0 - a - b),
+            ]),
+            ties: Vec::new(),
+        }
+    }
+
+    fn query(id: &str, truth: Option<&str>, likelihood: Answer, count: Answer) -> Query {
+        Query {
+            id: id.into(),
+            truth: truth.map(str::to_owned),
+            group: None,
+            answers: BTreeMap::from([
+                (key("likelihood").to_string(), likelihood),
+                (key("count").to_string(), count),
+            ]),
+        }
+    }
+
+    fn results() -> SuiteResults {
+        let mut results = SuiteResults::new("foreign", "made up");
+        let queries = [
+            query("x/1", Some("a"), answer(0.9, 0.0), answer(0.6, 0.3)),
+            query("x/2", Some("b"), answer(0.0, 0.9), answer(0.5, 0.4)),
+            query("y/3", Some("a"), answer(0.8, 0.1), answer(0.7, 0.1)),
+            query("y/4", None, answer(0.1, 0.1), answer(0.5, 0.3)),
+        ];
+        results.queries.extend(queries);
+        for score in ["likelihood", "count"] {
+            let tally = crate::metrics::Tally::of(&results.queries, &key(score), false);
+            results
+                .rows
+                .push(tally.into_row(&key(score), score == "likelihood"));
+        }
+        results
+    }
+
+    #[test]
+    fn native_and_foreign_queries_are_judged_apart_and_together() {
+        let results = results();
+        let judgements = judge_all(&results, &["x".into(), "y".into()]);
+        // Two scores for all queries and for each part.
+        assert_eq!(judgements.len(), 6);
+        let all = &judgements[0];
+        assert_eq!((all.native.queries, all.part.as_deref()), (3, None));
+        assert_eq!(all.native.recall_at_1.value, 1.0);
+        let foreign = all.foreign.as_ref().unwrap();
+        assert_eq!(foreign.queries, 1);
+        // Brier by hand: 0.01 + 0.01, twice; 0.04 + 0.01 + 0.01.
+        let brier = all.native.calibration.brier.value;
+        assert!(
+            (brier - (0.02 + 0.02 + 0.06) / 3.0).abs() < 1e-12,
+            "{brier}"
+        );
+        // Foreign: 0.1^2 + 0.1^2 + (0.8 - 1)^2.
+        assert!((foreign.calibration.brier.value - 0.06).abs() < 1e-12);
+        let mixed = all.mixed.as_ref().unwrap();
+        let by_hand = (1.0 - mixed.elsewhere) * brier + mixed.elsewhere * 0.06;
+        assert!((mixed.calibration.brier.value - by_hand).abs() < 1e-12);
+        // Part x knows no foreign query.
+        let x = judgements
+            .iter()
+            .find(|it| it.part.as_deref() == Some("x"))
+            .unwrap();
+        assert!(x.foreign.is_none() && x.native.queries == 2);
+    }
+
+    #[test]
+    fn the_better_score_has_the_negative_difference() {
+        let results = results();
+        let judgements = judge_all(&results, &[]);
+        let against = &judgements[0].against;
+        assert_eq!(against.len(), 1, "inliers are not in this run");
+        assert_eq!(against[0].score, "count");
+        assert!(against[0].brier.value < 0.0 && against[0].log_loss.value < 0.0);
+        assert!(judgements[1].against.is_empty());
+    }
+
+    #[test]
+    fn judgements_survive_their_file_and_need_a_posterior() {
+        let mut results = results();
+        results.judgement = judge_all(&results, &["x".into()]);
+        let read = SuiteResults::from_json(&results.to_json().unwrap()).unwrap();
+        assert_eq!(read, results);
+        for query in &mut results.queries {
+            for answer in query.answers.values_mut() {
+                answer.posterior.clear();
+            }
+        }
+        assert!(judge_all(&results, &[]).is_empty());
+    }
+}

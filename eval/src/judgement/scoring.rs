@@ -1,0 +1,79 @@
+//! How much does a posterior lose against the truth?
+//!
+//! Brier score, `sum_k (p_k - y_k)^2` over the places and elsewhere (Brier 1950): 0 is perfect, 2 is sure
+//! and wrong. Log loss, `-ln p` of what is true: the truth of a foreign query is elsewhere. Both are
+//! proper: no posterior expects less than the one that says what it believes.
+//!
+//! Probabilities are written to four digits, so that a probability below [`LEAST`] is taken for it: one
+//! query loses at most 9.2. Absent places count as 0.
+
+use std::collections::BTreeMap;
+
+use crate::results::ELSEWHERE;
+
+/// The least probability in a log loss.
+pub const LEAST: f64 = 1e-4;
+
+/// The Brier score of one query; `truth` is none for a place that the map lacks.
+pub fn brier(posterior: &BTreeMap<String, f64>, truth: Option<&str>) -> f64 {
+    let truth = truth.unwrap_or(ELSEWHERE);
+    let listed: f64 = (posterior.iter())
+        .map(|(place, p)| (p - f64::from(place == truth)).powi(2))
+        .sum();
+    listed + f64::from(!posterior.contains_key(truth))
+}
+
+/// The log loss of one query, in nats.
+pub fn log_loss(posterior: &BTreeMap<String, f64>, truth: Option<&str>) -> f64 {
+    let p = posterior.get(truth.unwrap_or(ELSEWHERE)).copied();
+    -p.unwrap_or(0.0).max(LEAST).min(1.0).ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn posterior(a: f64, b: f64, elsewhere: f64) -> BTreeMap<String, f64> {
+        BTreeMap::from([
+            ("a".to_owned(), a),
+            ("b".to_owned(), b),
+            (ELSEWHERE.to_owned(), elsewhere),
+        ])
+    }
+
+    #[test]
+    fn scores_by_hand() {
+        let shares = posterior(0.7, 0.2, 0.1);
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
+        near(brier(&shares, Some("a")), 0.09 + 0.04 + 0.01);
+        near(brier(&shares, None), 0.49 + 0.04 + 0.81);
+        near(brier(&shares, Some("unlisted")), 0.49 + 0.04 + 0.01 + 1.0);
+        near(log_loss(&shares, Some("a")), -(0.7_f64.ln()));
+        near(log_loss(&shares, None), -(0.1_f64.ln()));
+        near(log_loss(&shares, Some("unlisted")), -(1e-4_f64.ln()));
+        near(brier(&posterior(1.0, 0.0, 0.0), Some("a")), 0.0);
+        near(log_loss(&posterior(1.0, 0.0, 0.0), Some("a")), 0.0);
+        near(brier(&posterior(0.0, 1.0, 0.0), Some("a")), 2.0);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn nothing_expects_to_lose_less_than_what_it_believes(
+            (a, b) in (0.01..0.9_f64, 0.01..0.9_f64), shift in -0.009..0.009_f64
+        ) {
+            let total = a + b + 0.1;
+            let (a, b, elsewhere) = (a / total, b / total, 0.1 / total);
+            let honest = posterior(a, b, elsewhere);
+            let bent = posterior(a + shift, b - shift, elsewhere);
+            for score in [brier, log_loss] {
+                let expected = |said: &BTreeMap<String, f64>| {
+                    a * score(said, Some("a")) + b * score(said, Some("b")) + elsewhere * score(said, None)
+                };
+                prop_assert!(expected(&honest) <= expected(&bent) + 1e-12);
+            }
+        }
+    }
+}

@@ -1,0 +1,442 @@
+//! How are several datasets asked in one run, with and without the true place in the map?
+//!
+//! Each part is the dataset of another suite with that suite's protocol. A query is asked *natively*, of
+//! the whole map of its fold; and, where places are left out, once more as a *foreign* query of the map
+//! that was learnt without its place, so that every answer but "unknown" is wrong. Both share a group.
+//! One map is learnt per fold, and one per fold and place left out.
+//!
+//! Rows count native queries; what foreign ones are told is in the judgement. A part whose times are no
+//! clock answers with `static` in the place of methods that need a time: what a user would get.
+//! Nothing is timed here.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use anyhow::Result;
+use chronotope::dataset::Clock;
+use chronotope::localize::{LocalizerConfig, Preset};
+use rayon::prelude::*;
+
+use crate::harness::{Fold, Said, photograph, run_fold, without_twins};
+use crate::material::Material;
+use crate::metrics::{PairedDifference, Tally};
+use crate::results::{LeakCheck, Query, SuiteResults};
+use crate::run::{RunOptions, Worlds, extractor, images, prefix, progress, sha256, split_at};
+use crate::suite::{Arm, Protocol, Run, Suite};
+
+/// What the ids of foreign queries end with.
+pub const FOREIGN: &str = " (place left out)";
+
+/// The n at which arms are compared in words.
+const COMPARED_N: [u32; 2] = [30, 50];
+
+/// The parts of a suite.
+#[derive(Clone, Copy, Debug)]
+pub struct Parts<'s> {
+    /// Names of suites.
+    pub suites: &'s [String],
+    /// Whether foreign queries are asked too.
+    pub leave_place_out: bool,
+    /// Of a synthetic part, so many worlds.
+    pub num_seeds: u64,
+}
+
+/// One dataset (or world) with its folds.
+struct Part {
+    /// What ids begin with.
+    prefix: String,
+    /// Whether all of it is one group, as the images of one world are.
+    is_group: bool,
+    material: Material,
+    folds: Vec<Fold>,
+}
+
+/// A fold to learn and ask; foreign queries have no true place there.
+struct Case {
+    fold: Fold,
+    is_foreign: bool,
+}
+
+#[derive(Default)]
+struct Answers {
+    queries: BTreeMap<String, Query>,
+    /// By variant: pairs compared by native queries per n, and their number.
+    pairs: Vec<(Vec<u64>, u64)>,
+}
+
+impl Parts<'_> {
+    /// Runs all arms of `suite` on all parts.
+    pub fn run(&self, suite: &Suite, options: &RunOptions) -> Result<SuiteResults> {
+        let mut results = SuiteResults::new(&suite.name, self.suites.join(", "));
+        let mut answers = Answers::default();
+        let mut digest = String::new();
+        let mut leaks = LeakCheck::default();
+        let (mut num_places, mut num_broken) = (0, 0);
+        let mut without_clock = BTreeSet::new();
+        for name in self.suites {
+            for part in self.part(name, options)? {
+                let dataset = &part.material.dataset;
+                digest.push_str(&dataset.sha256());
+                leaks.num_checked += dataset.entries.len() as u32;
+                num_broken += dataset.problems.len() as u32;
+                num_places += dataset.places().len() as u32;
+                if dataset.clock == Clock::None {
+                    without_clock.insert(name.as_str());
+                }
+                leaks.num_removed += self.ask(suite, &part, &mut answers)?;
+            }
+        }
+        results.dataset_sha256 = sha256(digest.as_bytes());
+        results.num_places = Some(num_places);
+        results.num_broken_images = Some(num_broken);
+        results.leak_check = Some(leaks);
+        results.queries = answers.queries.into_values().collect();
+        let num_foreign = (results.queries.iter()).filter(|query| query.truth.is_none());
+        let num_foreign = num_foreign.count();
+        results.split = format!(
+            "as in the suites {}; {} queries whose place is in the map{}",
+            self.suites.join(", "),
+            results.queries.len() - num_foreign,
+            if self.leave_place_out {
+                format!(", and {num_foreign} of maps that were learnt without their place")
+            } else {
+                String::new()
+            }
+        );
+        if !without_clock.is_empty() {
+            let names: Vec<_> = without_clock.into_iter().collect();
+            results.clock = format!(
+                "none in {}: `static` stands in for methods that need a time",
+                names.join(", ")
+            );
+        }
+        rows(suite, &answers.pairs, &mut results);
+        results
+            .notes
+            .push("nothing is timed here; the suites of the parts are".into());
+        if !self.leave_place_out {
+            results.notes.extend(against_default(&results));
+        }
+        Ok(results)
+    }
+
+    fn part(&self, name: &str, options: &RunOptions) -> Result<Vec<Part>> {
+        let suite = Suite::find(name)?;
+        let Protocol::Synthetic {
+            num_learn,
+            num_query,
+            ..
+        } = suite.protocol
+        else {
+            let (material, folds) = images(&suite, options)?;
+            return Ok(vec![Part {
+                prefix: name.to_owned(),
+                is_group: false,
+                material,
+                folds,
+            }]);
+        };
+        let worlds = Worlds {
+            seeds: self.num_seeds,
+            learn: num_learn,
+            query: num_query,
+        };
+        (1..=self.num_seeds)
+            .map(|seed| {
+                let (dataset, split) = worlds.world(seed, true, name)?;
+                let material = Material::new(dataset, &extractor()?, None, &|| {})?;
+                Ok(Part {
+                    prefix: format!("{name}/{}", prefix(seed)),
+                    is_group: true,
+                    folds: vec![split_at(&material, split)],
+                    material,
+                })
+            })
+            .collect()
+    }
+
+    /// Asks for every query of the part; gives the number of twins taken off the learning side.
+    fn ask(&self, suite: &Suite, part: &Part, answers: &mut Answers) -> Result<u32> {
+        let (mut cases, mut num_removed) = (Vec::new(), 0);
+        for fold in &part.folds {
+            let (fold, removed) = without_twins(&part.material, fold);
+            num_removed += removed;
+            if self.leave_place_out {
+                cases.extend(places_left_out(&part.material, &fold));
+            }
+            cases.push(Case {
+                fold,
+                is_foreign: false,
+            });
+        }
+        let bar = progress(cases.len() * suite.arms.len(), "maps");
+        let mut first_variant = 0;
+        for arm in &suite.arms {
+            let runs = match part.material.dataset.clock {
+                Clock::Real => arm.runs(true),
+                Clock::None => arm.runs_without_clock(),
+            };
+            let (distinct, of_run) = distinct(&runs);
+            let said: Vec<Vec<(usize, Vec<Said>)>> = (cases.par_iter())
+                .map(|case| {
+                    let said = run_fold(&part.material, &case.fold, arm, &distinct, &suite.sizes);
+                    bar.inc(1);
+                    said
+                })
+                .collect::<Result<_>>()?;
+            for (case, said) in cases.iter().zip(said) {
+                for (entry, said) in said {
+                    let said: Vec<&Said> = of_run.iter().map(|&run| &said[run]).collect();
+                    answers.collect(suite, arm, part, case, entry, (first_variant, &said));
+                }
+            }
+            first_variant += runs.len();
+        }
+        bar.finish_and_clear();
+        Ok(num_removed)
+    }
+}
+
+/// One case per place of the fold's queries: learnt without it, asked for it.
+fn places_left_out(material: &Material, fold: &Fold) -> Vec<Case> {
+    let place = |entry: usize| &material.dataset.entries[entry].place;
+    let places: BTreeSet<_> = fold.query.iter().map(|&entry| place(entry)).collect();
+    (places.into_iter())
+        .map(|left_out| {
+            let of = |side: &[usize], is_kept: bool| -> Vec<usize> {
+                let entries = side.iter().copied();
+                entries
+                    .filter(|&entry| (place(entry) == left_out) == is_kept)
+                    .collect()
+            };
+            Case {
+                fold: Fold {
+                    learn: of(&fold.learn, false),
+                    query: of(&fold.query, true),
+                },
+                is_foreign: true,
+            }
+        })
+        .collect()
+}
+
+/// The runs that differ, and for each run which of them it is: stand-ins are often the same.
+fn distinct(runs: &[Run]) -> (Vec<Run>, Vec<usize>) {
+    let mut distinct: Vec<Run> = Vec::new();
+    let of_run = (runs.iter())
+        .map(|run| {
+            let known = (distinct.iter()).position(|known| known.localizer == run.localizer);
+            known.unwrap_or_else(|| {
+                distinct.push(run.clone());
+                distinct.len() - 1
+            })
+        })
+        .collect();
+    (distinct, of_run)
+}
+
+impl Answers {
+    fn collect(
+        &mut self,
+        suite: &Suite,
+        arm: &Arm,
+        part: &Part,
+        case: &Case,
+        entry: usize,
+        (first_variant, said): (usize, &[&Said]),
+    ) {
+        let entry = &part.material.dataset.entries[entry];
+        let native_id = format!("{}/{}", part.prefix, entry.id);
+        let group = if part.is_group {
+            part.prefix.clone()
+        } else {
+            let photograph = photograph(&entry.id).unwrap_or(&entry.id);
+            format!("{}/{photograph}", part.prefix)
+        };
+        let id = if case.is_foreign {
+            format!("{native_id}{FOREIGN}")
+        } else {
+            native_id
+        };
+        let query = self.queries.entry(id.clone()).or_insert_with(|| Query {
+            id,
+            truth: (!case.is_foreign).then(|| entry.place.as_str().to_owned()),
+            group: Some(group),
+            answers: BTreeMap::new(),
+        });
+        // The runs by name: a stand-in answers under the name of what it stands in for.
+        let names = arm.runs(true);
+        self.pairs.resize(
+            self.pairs.len().max(first_variant + names.len()),
+            Default::default(),
+        );
+        for (index, (run, said)) in names.iter().zip(said).enumerate() {
+            if !case.is_foreign {
+                let (pairs, num) = &mut self.pairs[first_variant + index];
+                pairs.resize(suite.sizes.len(), 0);
+                *num += 1;
+                for (sum, pairs) in pairs.iter_mut().zip(&said.pairs_compared) {
+                    *sum += pairs;
+                }
+            }
+            for (&score, answers) in arm.scores.iter().zip(&said.answers) {
+                let name = run.variant(arm.preset, score);
+                for (&n, answer) in suite.sizes.iter().zip(answers) {
+                    let key = name.at(n as u32).to_string();
+                    query.answers.insert(key, answer.clone());
+                }
+            }
+        }
+    }
+}
+
+/// The rows of all arms, over native queries.
+fn rows(suite: &Suite, pairs: &[(Vec<u64>, u64)], results: &mut SuiteResults) {
+    let default = LocalizerConfig::default();
+    let runs =
+        (suite.arms.iter()).flat_map(|arm| arm.runs(true).into_iter().map(move |run| (arm, run)));
+    for ((arm, run), (pairs, num)) in runs.zip(pairs) {
+        for &score in &arm.scores {
+            let is_default = arm.preset == Preset::Default
+                && run.localizer == default
+                && score == default.score();
+            let name = run.variant(arm.preset, score);
+            for (&n, &sum) in suite.sizes.iter().zip(pairs) {
+                let key = name.at(n as u32);
+                let has_rule = score == chronotope::localize::Score::Likelihood;
+                let tally = Tally::of(&results.queries, &key, has_rule);
+                let mut row = tally.into_row(&key, is_default);
+                row.pairs_compared = sum as f64 / (*num).max(1) as f64;
+                results.rows.push(row);
+            }
+        }
+    }
+}
+
+/// In words: every other variant against the default, on the same queries.
+fn against_default(results: &SuiteResults) -> Vec<String> {
+    let Some(default) = results.default_variant() else {
+        return Vec::new();
+    };
+    let others = (results.variants().into_iter()).filter(|variant| *variant != default);
+    let said = others.flat_map(|other| {
+        let default = &default;
+        COMPARED_N.into_iter().filter_map(move |n| {
+            let paired = PairedDifference::between(&results.queries, &default.at(n), &other.at(n))?;
+            Some(format!(
+                "{other} instead of the default, n = {n}: {:.1} % wrong against {:.1} %, \
+                 {:+.1} points (95 % interval {:+.1} to {:+.1})",
+                paired.second_percent,
+                paired.first_percent,
+                paired.points.mean,
+                paired.points.interval.low,
+                paired.points.interval.high
+            ))
+        })
+    });
+    said.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::results::ELSEWHERE;
+
+    fn suite(leave_place_out: bool) -> Suite {
+        let mut suite = Suite::find("foreign").unwrap();
+        suite.sizes = vec![30];
+        suite.protocol = Protocol::Several {
+            suites: vec!["synthetic".into()],
+            leave_place_out,
+            num_seeds: 1,
+        };
+        suite
+    }
+
+    /// A part of two queried places and a third one, without images.
+    fn part() -> Part {
+        let worlds = Worlds {
+            seeds: 1,
+            learn: 2,
+            query: 1,
+        };
+        let (dataset, split) = worlds.world(1, true, "synthetic").unwrap();
+        let material = Material::new(dataset, &extractor().unwrap(), None, &|| {}).unwrap();
+        Part {
+            prefix: "synthetic/seed 01".into(),
+            is_group: true,
+            folds: vec![split_at(&material, split)],
+            material,
+        }
+    }
+
+    #[test]
+    fn a_foreign_map_never_saw_the_place_and_a_native_one_did() {
+        let part = part();
+        let cases = places_left_out(&part.material, &part.folds[0]);
+        let place = |entry: &usize| part.material.dataset.entries[*entry].place.clone();
+        assert_eq!(cases.len(), part.material.dataset.places().len());
+        let asked: usize = cases.iter().map(|case| case.fold.query.len()).sum();
+        assert_eq!(asked, part.folds[0].query.len());
+        for Case { fold, is_foreign } in &cases {
+            let learnt: BTreeSet<_> = fold.learn.iter().map(place).collect();
+            assert!(
+                *is_foreign
+                    && fold
+                        .query
+                        .iter()
+                        .all(|entry| !learnt.contains(&place(entry)))
+            );
+            assert_eq!(learnt.len() + 1, cases.len());
+        }
+    }
+
+    #[test]
+    fn every_query_is_asked_natively_and_as_a_foreign_one() {
+        let suite = suite(true);
+        let parts = Parts {
+            suites: &["synthetic".into()],
+            leave_place_out: true,
+            num_seeds: 1,
+        };
+        let part = part();
+        let mut answers = Answers::default();
+        parts.ask(&suite, &part, &mut answers).unwrap();
+        let mut results = SuiteResults::new("foreign", "synthetic");
+        results.queries = answers.queries.into_values().collect();
+        rows(&suite, &answers.pairs, &mut results);
+        let (native, foreign): (Vec<_>, Vec<_>) = results
+            .queries
+            .iter()
+            .partition(|query| query.truth.is_some());
+        assert_eq!((native.len(), foreign.len()), (8, 8));
+        for query in foreign {
+            let place = query.id.strip_prefix("synthetic/seed 01/").unwrap();
+            for answer in query.answers.values() {
+                assert!(answer.posterior.contains_key(ELSEWHERE), "{}", query.id);
+                assert!(
+                    answer
+                        .posterior
+                        .keys()
+                        .all(|key| !place.starts_with(&format!("{key}/")))
+                );
+            }
+        }
+        assert_eq!(results.rows.len(), 6);
+        assert!(
+            results
+                .rows
+                .iter()
+                .all(|row| row.queries == 8 && row.pairs_compared > 0.0)
+        );
+        assert_eq!(results.rows.iter().filter(|row| row.is_default).count(), 1);
+        results.validate().unwrap();
+    }
+
+    #[test]
+    fn stand_ins_are_asked_once_and_answer_twice() {
+        let arm = &suite(true).arms[0];
+        let (distinct_runs, of_run) = distinct(&arm.runs_without_clock());
+        assert_eq!((distinct_runs.len(), of_run), (1, vec![0, 0]));
+        assert_eq!(distinct(&arm.runs(true)).1, [0, 1]);
+    }
+}

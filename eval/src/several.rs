@@ -278,7 +278,7 @@ impl Answers {
                     *sum += pairs;
                 }
             }
-            for (&score, answers) in arm.scores.iter().zip(&said.answers) {
+            for (&score, answers) in run.scores.iter().zip(&said.answers) {
                 let name = run.variant(arm.preset, score);
                 for (&n, answer) in suite.sizes.iter().zip(answers) {
                     let key = name.at(n as u32).to_string();
@@ -295,7 +295,7 @@ fn rows(suite: &Suite, pairs: &[(Vec<u64>, u64)], results: &mut SuiteResults) {
     let runs =
         (suite.arms.iter()).flat_map(|arm| arm.runs(true).into_iter().map(move |run| (arm, run)));
     for ((arm, run), (pairs, num)) in runs.zip(pairs) {
-        for &score in &arm.scores {
+        for &score in &run.scores {
             let is_default = arm.preset == Preset::Default
                 && run.localizer == default
                 && score == default.score();

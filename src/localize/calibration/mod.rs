@@ -80,8 +80,8 @@ const MIN_DISPLACEMENTS: u64 = 5;
 const STRAY_SHARE: f64 = 0.1;
 /// The method that keeps every appearance.
 const EVERYTHING: Method = Method::ExperienceAll;
-/// The share of visits in which nothing is detected: a bus before the camera, a blinding sun.
-const BLIND_SHARE: f64 = 0.05;
+/// Log odds do not enter the posterior beyond this.
+const MAX_LOG_ODDS: f64 = 60.0;
 
 /// What a [`Localizer`] knows about its own evidence.
 #[derive(Clone, Debug, PartialEq)]
@@ -232,6 +232,7 @@ impl Calibration {
         Temper {
             scale: between(tempers[above - 1].scale, tempers[above].scale),
             bias: between(tempers[above - 1].bias, tempers[above].bias),
+            level: between(tempers[above - 1].level, tempers[above].level),
         }
     }
 
@@ -483,15 +484,11 @@ impl Calibration {
     }
 }
 
-/// A score as it enters the posterior: log odds do not fall below those of a blind visit.
+/// A score as it enters the posterior: log odds beyond what any image can prove count as that.
 pub(super) fn as_evidence(score: Score, value: f64) -> f64 {
     match score {
         Score::Count | Score::Inliers => value,
-        Score::Likelihood => {
-            let (clear, blind) = (value + (1.0 - BLIND_SHARE).ln(), BLIND_SHARE.ln());
-            let most = clear.max(blind);
-            most + ((clear - most).exp() + (blind - most).exp()).ln()
-        }
+        Score::Likelihood => value.clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS),
     }
 }
 
@@ -505,10 +502,12 @@ fn prior_temper(score: Score) -> Temper {
         Score::Count | Score::Inliers => Temper {
             scale: 0.5,
             bias: 2.0,
+            level: 0.0,
         },
         Score::Likelihood => Temper {
             scale: 0.5,
             bias: 1.0,
+            level: 0.0,
         },
     }
 }

@@ -1,26 +1,30 @@
 //! How much is a score worth as evidence?
 //!
-//! Features of one image are not independent, so a sum of their log ratios claims too much. A
-//! [`Temper`] turns the score `x_l` of each place into a posterior over places and "elsewhere":
+//! Features of one image are not independent, so a sum of their log ratios claims too much; and an image
+//! in which little can be seen scores low at every place, its own among them. A [`Temper`] turns the
+//! score `x_l` of each place into a posterior over places and "elsewhere":
 //!
 //! ```text
 //! P(l)         ~ (1 - e) / N * exp(scale * x_l)
-//! P(elsewhere) ~      e      * exp(bias)
+//! P(elsewhere) ~      e      * exp(bias + level * m)
 //! ```
 //!
-//! with the prior probability `e` of being nowhere in a map of N places. `scale` and `bias` minimise the
-//! log loss over held-out images, each asked twice: with its place in the map (the answer is the place)
-//! and without it (the answer is elsewhere), both with e = 1/2. That loss is convex in both; a weak
-//! normal prior keeps them finite where there are few images. (Temperature scaling with a bias for the
-//! extra class; Guo et al. 2017.)
+//! with the prior probability `e` of being nowhere in a map of N places, and `m` the mean score of all
+//! places but the best: what this image scores at places that it does not show. The three weights
+//! minimise the log loss over held-out images, each asked twice: with its place in the map (the answer is
+//! the place) and without it (the answer is elsewhere), both with e = 1/2. That loss is convex; a weak
+//! normal prior keeps its minimum finite where there are few images. (Multinomial logistic regression;
+//! with `scale` alone it is temperature scaling, Guo et al. 2017.)
 
-/// Slope and threshold of a score.
+/// The worth of a score.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Temper {
     /// Nats of evidence a unit of score.
     pub scale: f64,
     /// Nats of evidence that "elsewhere" starts with.
     pub bias: f64,
+    /// Nats of evidence for "elsewhere" a unit of what the other places score.
+    pub level: f64,
 }
 
 /// The scores of one held-out image.
@@ -32,29 +36,70 @@ pub struct Asked {
     pub others: Vec<f64>,
 }
 
+/// What one of the two questions says to the three weights.
+struct Question {
+    scores: Vec<f64>,
+    level: f64,
+    /// The right place's score; `None` for elsewhere.
+    right: Option<f64>,
+}
+
+impl Question {
+    /// With the image's place in the map, and without.
+    fn both(asked: &Asked) -> impl Iterator<Item = Self> {
+        let with_own = asked.own.map(|own| {
+            let scores = (asked.others.iter().copied().chain(Some(own))).collect();
+            Self::new(scores, Some(own))
+        });
+        with_own
+            .into_iter()
+            .chain(Some(Self::new(asked.others.clone(), None)))
+    }
+
+    fn new(scores: Vec<f64>, right: Option<f64>) -> Self {
+        Self {
+            level: level(&scores),
+            scores,
+            right,
+        }
+    }
+
+    /// The log odds of each place, then of elsewhere, without what they share.
+    fn logs(&self, temper: Temper) -> impl Iterator<Item = f64> + Clone {
+        let log_n = (self.scores.len().max(1) as f64).ln();
+        (self.scores.iter())
+            .map(move |score| temper.scale * score - log_n)
+            .chain(Some(temper.bias + temper.level * self.level))
+    }
+}
+
+/// The mean score of all places but the best; 0 where there is at most one.
+fn level(scores: &[f64]) -> f64 {
+    if scores.len() < 2 {
+        return 0.0;
+    }
+    let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    (scores.iter().sum::<f64>() - best) / (scores.len() - 1) as f64
+}
+
 impl Temper {
     /// Fits `asked`, starting from (and drawn to) `prior`.
     pub fn fit(asked: &[Asked], prior: Self) -> Self {
+        let questions: Vec<Question> = asked.iter().flat_map(Question::both).collect();
         let mut temper = prior;
-        let mut loss = temper.loss(asked, prior);
+        let mut loss = temper.loss(&questions, prior);
         for _ in 0..50 {
-            let (gradient, hessian) = temper.derivatives(asked, prior);
-            let determinant = hessian[0] * hessian[2] - hessian[1] * hessian[1];
-            if !(determinant.is_finite() && determinant > 0.0) {
-                break;
-            }
-            let step = [
-                (hessian[2] * gradient[0] - hessian[1] * gradient[1]) / determinant,
-                (hessian[0] * gradient[1] - hessian[1] * gradient[0]) / determinant,
-            ];
+            let (gradient, hessian) = temper.derivatives(&questions, prior);
+            let step = solve(hessian, gradient);
             // Newton's step, halved until the loss falls: it is convex, so this ends at its minimum.
             let mut share = 1.0;
             let improved = loop {
                 let next = Self {
                     scale: (temper.scale - share * step[0]).max(1e-4),
                     bias: temper.bias - share * step[1],
+                    level: temper.level - share * step[2],
                 };
-                let next_loss = next.loss(asked, prior);
+                let next_loss = next.loss(&questions, prior);
                 if next_loss < loss - 1e-12 {
                     break Some((next, next_loss));
                 }
@@ -75,7 +120,7 @@ impl Temper {
     /// `elsewhere`.
     pub fn posterior_into(self, scores: &[f64], elsewhere: f64, out: &mut Vec<f64>) -> f64 {
         let prior = ((1.0 - elsewhere) / scores.len().max(1) as f64).ln();
-        let of_elsewhere = elsewhere.ln() + self.bias;
+        let of_elsewhere = elsewhere.ln() + self.bias + self.level * level(scores);
         out.clear();
         out.extend(scores.iter().map(|score| prior + self.scale * score));
         let most = out.iter().copied().fold(of_elsewhere, f64::max);
@@ -90,67 +135,87 @@ impl Temper {
         (of_elsewhere - most).exp() / total
     }
 
-    /// Each of the two questions an image asks: the scores, and which of them is right (`None` for
-    /// elsewhere).
-    fn questions(asked: &Asked) -> impl Iterator<Item = (impl Iterator<Item = f64> + Clone, bool)> {
-        let with_own = asked
-            .own
-            .map(|own| (asked.others.iter().copied().chain(Some(own)), true));
-        let without = (asked.others.iter().copied().chain(None), false);
-        with_own.into_iter().chain(Some(without))
+    /// How far each weight is from the prior, in its widths.
+    fn from_prior(self, prior: Self) -> [(f64, f64); 3] {
+        [
+            (self.scale - prior.scale, prior.scale),
+            (self.bias - prior.bias, BIAS_WIDTH),
+            (self.level - prior.level, LEVEL_WIDTH),
+        ]
     }
 
-    fn loss(self, asked: &[Asked], prior: Self) -> f64 {
-        let mut loss = 0.5 * ((self.scale - prior.scale) / prior.scale).powi(2)
-            + 0.5 * ((self.bias - prior.bias) / PRIOR_WIDTH).powi(2);
-        for asked in asked {
-            for (scores, is_native) in Self::questions(asked) {
-                let log_n = (scores.clone().count().max(1) as f64).ln();
-                let logs = scores.clone().map(|score| self.scale * score - log_n);
-                let total = log_sum_exp(logs.chain(Some(self.bias)));
-                let right = match asked.own {
-                    Some(own) if is_native => self.scale * own - log_n,
-                    _ => self.bias,
-                };
-                loss += total - right;
-            }
+    fn loss(self, questions: &[Question], prior: Self) -> f64 {
+        let drawn: f64 = (self.from_prior(prior).iter())
+            .map(|(by, width)| 0.5 * (by / width).powi(2))
+            .sum();
+        questions.iter().fold(drawn, |loss, question| {
+            let right = match question.right {
+                Some(own) => self.scale * own - (question.scores.len() as f64).ln(),
+                None => self.bias + self.level * question.level,
+            };
+            loss + log_sum_exp(question.logs(self)) - right
+        })
+    }
+
+    /// Gradient and Hessian of the loss.
+    fn derivatives(self, questions: &[Question], prior: Self) -> ([f64; 3], [[f64; 3]; 3]) {
+        let mut gradient = [0.0; 3];
+        let mut hessian = [[0.0; 3]; 3];
+        for (at, (by, width)) in self.from_prior(prior).into_iter().enumerate() {
+            gradient[at] = by / width.powi(2);
+            hessian[at][at] = width.powi(-2);
         }
-        loss
-    }
-
-    /// Gradient, and the upper triangle of the Hessian, of the loss by scale and bias.
-    fn derivatives(self, asked: &[Asked], prior: Self) -> ([f64; 2], [f64; 3]) {
-        let mut gradient = [
-            (self.scale - prior.scale) / prior.scale.powi(2),
-            (self.bias - prior.bias) / PRIOR_WIDTH.powi(2),
-        ];
-        let mut hessian = [prior.scale.powi(-2), 0.0, PRIOR_WIDTH.powi(-2)];
-        for asked in asked {
-            for (scores, is_native) in Self::questions(asked) {
-                let log_n = (scores.clone().count().max(1) as f64).ln();
-                let logs = scores.clone().map(|score| self.scale * score - log_n);
-                let total = log_sum_exp(logs.clone().chain(Some(self.bias)));
-                let elsewhere = (self.bias - total).exp();
-                let (mut mean, mut square) = (0.0, 0.0);
-                for (score, log) in scores.zip(logs) {
-                    let share = (log - total).exp();
-                    mean += share * score;
-                    square += share * score * score;
+        for question in questions {
+            let total = log_sum_exp(question.logs(self));
+            let of_elsewhere = [0.0, 1.0, question.level];
+            let what = (question.scores.iter())
+                .map(|&score| [score, 0.0, 0.0])
+                .chain(Some(of_elsewhere));
+            let mut mean = [0.0; 3];
+            for (log, what) in question.logs(self).zip(what) {
+                let share = (log - total).exp();
+                for i in 0..3 {
+                    mean[i] += share * what[i];
+                    for j in 0..3 {
+                        hessian[i][j] += share * what[i] * what[j];
+                    }
                 }
-                let right = if is_native { asked.own } else { None };
-                gradient[0] += mean - right.unwrap_or(0.0);
-                gradient[1] += elsewhere - if right.is_some() { 0.0 } else { 1.0 };
-                hessian[0] += square - mean * mean;
-                hessian[1] -= mean * elsewhere;
-                hessian[2] += elsewhere * (1.0 - elsewhere);
+            }
+            let right = question.right.map_or(of_elsewhere, |own| [own, 0.0, 0.0]);
+            for i in 0..3 {
+                gradient[i] += mean[i] - right[i];
+                for j in 0..3 {
+                    hessian[i][j] -= mean[i] * mean[j];
+                }
             }
         }
         (gradient, hessian)
     }
 }
 
-/// Standard deviation of the bias before anything was asked, nats.
-const PRIOR_WIDTH: f64 = 3.0;
+/// `a^-1 b` for a positive definite `a`, by elimination.
+fn solve(mut a: [[f64; 3]; 3], mut b: [f64; 3]) -> [f64; 3] {
+    for pivot in 0..3 {
+        for row in pivot + 1..3 {
+            let share = a[row][pivot] / a[pivot][pivot];
+            for column in pivot..3 {
+                a[row][column] -= share * a[pivot][column];
+            }
+            b[row] -= share * b[pivot];
+        }
+    }
+    for row in (0..3).rev() {
+        for column in row + 1..3 {
+            b[row] -= a[row][column] * b[column];
+        }
+        b[row] /= a[row][row];
+    }
+    b
+}
+
+/// Standard deviations of bias and level before anything was asked.
+const BIAS_WIDTH: f64 = 3.0;
+const LEVEL_WIDTH: f64 = 0.5;
 
 /// `ln(sum of exp)` without overflow; minus infinity for nothing.
 fn log_sum_exp(logs: impl Iterator<Item = f64> + Clone) -> f64 {
@@ -168,6 +233,7 @@ mod tests {
     const PRIOR: Temper = Temper {
         scale: 0.5,
         bias: 1.0,
+        level: 0.0,
     };
 
     fn asked(own: f64, others: &[f64]) -> Asked {
@@ -185,30 +251,52 @@ mod tests {
     #[test]
     fn derivatives_are_those_of_the_loss() {
         let all = [asked(3.0, &[0.0, 1.0]), asked(1.0, &[2.0, -1.0])];
-        let at = Temper {
-            scale: 0.7,
-            bias: 0.4,
+        let questions: Vec<Question> = all.iter().flat_map(Question::both).collect();
+        let moved = |weight: usize, by: f64| {
+            let mut weights = [0.7, 0.4, 0.2];
+            weights[weight] += by;
+            let [scale, bias, level] = weights;
+            Temper { scale, bias, level }
         };
-        let (gradient, hessian) = at.derivatives(&all, PRIOR);
         let step = 1e-5;
-        let moved = |scale: f64, bias: f64| Temper {
-            scale: at.scale + scale,
-            bias: at.bias + bias,
-        };
-        let slope = |scale: f64, bias: f64| {
-            (moved(scale, bias).loss(&all, PRIOR) - moved(-scale, -bias).loss(&all, PRIOR))
-                / (2.0 * step)
-        };
-        assert!((slope(step, 0.0) - gradient[0]).abs() < 1e-6);
-        assert!((slope(0.0, step) - gradient[1]).abs() < 1e-6);
-        let bend = |i: usize, scale: f64, bias: f64| {
-            (moved(scale, bias).derivatives(&all, PRIOR).0[i]
-                - moved(-scale, -bias).derivatives(&all, PRIOR).0[i])
-                / (2.0 * step)
-        };
-        assert!((bend(0, step, 0.0) - hessian[0]).abs() < 1e-5);
-        assert!((bend(0, 0.0, step) - hessian[1]).abs() < 1e-5);
-        assert!((bend(1, 0.0, step) - hessian[2]).abs() < 1e-5);
+        let (gradient, hessian) = moved(0, 0.0).derivatives(&questions, PRIOR);
+        for i in 0..3 {
+            let [up, down] = [step, -step].map(|by| moved(i, by));
+            let slope = (up.loss(&questions, PRIOR) - down.loss(&questions, PRIOR)) / (2.0 * step);
+            assert!((slope - gradient[i]).abs() < 1e-6, "{i}: {slope}");
+            let [up, down] = [up, down].map(|at| at.derivatives(&questions, PRIOR).0);
+            for j in 0..3 {
+                let bend = (up[j] - down[j]) / (2.0 * step);
+                assert!((bend - hessian[i][j]).abs() < 1e-5, "{i} {j}: {bend}");
+            }
+        }
+    }
+
+    #[test]
+    fn equations_are_solved() {
+        let a = [[4.0, 1.0, 0.5], [1.0, 3.0, -0.2], [0.5, -0.2, 2.0]];
+        let x = [1.0, -2.0, 0.5];
+        let b = a.map(|row| row.iter().zip(&x).map(|(a, x)| a * x).sum());
+        let solved = solve(a, b);
+        assert!(solved.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-12));
+    }
+
+    #[test]
+    fn a_dark_image_is_judged_by_what_it_scores_elsewhere() {
+        // Every third image scores 20 less at every place.
+        let dark: Vec<Asked> = (0..60)
+            .map(|i| {
+                let dark = if i % 3 == 0 { -20.0 } else { 0.0 };
+                asked(8.0 + dark, &[dark - 1.0, dark, dark + 1.0])
+            })
+            .collect();
+        let temper = Temper::fit(&dark, PRIOR);
+        assert!(temper.level > 0.2, "{temper:?}");
+        let mut posterior = Vec::new();
+        temper.posterior_into(&[-12.0, -20.0, -21.0], 0.5, &mut posterior);
+        assert!(posterior[0] > 0.8, "{temper:?} {posterior:?}");
+        let elsewhere = temper.posterior_into(&[-19.0, -20.0, -21.0], 0.5, &mut posterior);
+        assert!(elsewhere > 0.8, "{temper:?} {elsewhere}");
     }
 
     #[test]

@@ -75,7 +75,7 @@ pub fn compare(a: &SuiteResults, b: &SuiteResults) -> Result<Comparison> {
         let key = row.key();
         let name = key.to_string();
         let errors = pairs.iter().filter_map(|(a, b)| {
-            let truth = a.truth.as_deref();
+            let truth = Some(a.truth.as_deref()?);
             let a_wrong = a.answers.get(&name)?.wrong(truth);
             let b_wrong = b.answers.get(&name)?.wrong(truth);
             Some((a.group.as_deref(), a_wrong, b_wrong))

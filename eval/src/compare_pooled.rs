@@ -4,11 +4,12 @@
 //! score*, and once with the score and model that the baseline does best with on these very queries.
 //! Choosing the best by the answers flatters the baseline, never the default. All queries weigh the
 //! same; whole groups are drawn, and queries of different suites are never of one group. A suite that
-//! lacks a baseline is named and left out of its pool.
+//! lacks a baseline is named and left out of its pool. Where a suite does not run the published preset
+//! of a method, the method with the published score, `count`, stands in for it.
 
 use std::fmt;
 
-use chronotope::localize::LocalizerConfig;
+use chronotope::localize::{LocalizerConfig, Method, Preset, Score};
 use chronotope::{Error, ErrorKind, Result};
 
 use crate::metrics::PairedDifference;
@@ -70,11 +71,14 @@ pub struct Pooled {
 /// The default of a run: the row that says so, or, in a run without a clock, what stands in for it.
 fn default_of(results: &SuiteResults) -> Option<Variant> {
     let cfg = LocalizerConfig::default();
+    let is_ours = |variant: &Variant, method: Method| {
+        variant.preset == Preset::Default.name() && variant.method == method.name()
+    };
+    let variants = results.variants();
+    let has_clock = (variants.iter()).any(|variant| is_ours(variant, cfg.method()));
     results.default_variant().or_else(|| {
-        results.variants().into_iter().find(|variant| {
-            (variant.preset.as_str(), variant.method.as_str()) == ("default", "static")
-                && variant.score == cfg.score().name()
-        })
+        let mut stand_ins = variants.into_iter().filter(|_| !has_clock);
+        stand_ins.find(|it| is_ours(it, Method::Static) && it.score == cfg.score().name())
     })
 }
 
@@ -86,12 +90,22 @@ fn baseline_of<'r>(
     rows: Rows,
     n: u32,
 ) -> Option<&'r Row> {
-    let of_method = (results.rows.iter())
-        .filter(|row| row.n == n && row.method == method && row.variant() != *default)
-        .filter(|row| preset.is_none_or(|preset| row.preset == preset));
-    let meant = of_method.filter(|row| {
-        rows == Rows::Best
-            || row.score == default.score && preset.unwrap_or(&default.preset) == row.preset
+    let of_method = || {
+        let rows = results.rows.iter().filter(|row| row.n == n);
+        rows.filter(|row| row.method == method && row.variant() != *default)
+    };
+    if let Some(preset) = preset {
+        // A published recipe has no score of ours.
+        let published = of_method().filter(|row| rows == Rows::Best && row.preset == preset);
+        let stand_ins =
+            of_method().filter(|row| rows == Rows::Best && row.score == Score::Count.name());
+        let fewest = |a: &&Row, b: &&Row| a.wrong.total_cmp(&b.wrong);
+        return published
+            .min_by(fewest)
+            .or_else(|| stand_ins.min_by(fewest));
+    }
+    let meant = of_method().filter(|row| {
+        rows == Rows::Best || row.score == default.score && row.preset == default.preset
     });
     meant.min_by(|a, b| a.wrong.total_cmp(&b.wrong))
 }
@@ -228,6 +242,10 @@ fn verdict(difference: &PairedDifference) -> String {
         d if d.num_better + d.num_worse == 0 => "the same on every query".into(),
         _ if interval.high < 0.0 => "better".into(),
         _ if interval.low > MARGIN => format!("worse by more than {MARGIN}"),
+        _ if interval.low > 0.0 && interval.high <= MARGIN => {
+            format!("worse by less than {MARGIN}")
+        }
+        _ if interval.low > 0.0 => "worse".into(),
         _ if interval.high <= MARGIN => format!("not worse by more than {MARGIN}"),
         _ => "not decided".into(),
     }
@@ -374,6 +392,40 @@ mod tests {
             0.0
         );
         assert_eq!(of(&pooled, None, Rows::Best).difference.points.mean, 50.0);
+    }
+
+    #[test]
+    fn where_time_is_known_nothing_stands_in_for_a_missing_default() {
+        let other = "default/fremen/day/likelihood/1/30";
+        let without_default = run("town", &[(STATIC, &[true, true]), (other, &[true, false])]);
+        assert!(default_of(&without_default).is_none());
+        assert!(compare_pooled(&[without_default], &[30]).is_err());
+    }
+
+    #[test]
+    fn the_published_score_stands_in_for_the_published_preset() {
+        let counted = "default/fremen/rhythms/count/1/30";
+        let published = "lttl/fremen/annual/count/1/30";
+        let all = [
+            (DEFAULT, &[true; 4][..]),
+            (counted, &[true, true, false, false]),
+        ];
+        let with_preset = [all[0], all[1], (published, &[false; 4])];
+        let pooled = compare_pooled(&[run("one", &all), run("two", &with_preset)], &[30]).unwrap();
+        let what = |suite: &str| {
+            let mut rows = pooled.rows.iter();
+            let row = rows
+                .find(|row| row.suite.as_deref() == Some(suite))
+                .unwrap();
+            (
+                row.baseline.as_str(),
+                row.what.as_str(),
+                row.difference.points.mean,
+            )
+        };
+        let name = "fremen (lttl)";
+        assert_eq!(what("one"), (name, "default/fremen/rhythms/count/1", -50.0));
+        assert_eq!(what("two"), (name, "lttl/fremen/annual/count/1", -100.0));
     }
 
     #[test]

@@ -724,7 +724,10 @@ fn a_printed_configuration_reads_back() {
 #[test]
 fn a_configuration_changes_the_answer() {
     let fixture = Fixture::with_map();
-    fixture.write("strict.toml", "[localize]\nmin-score = 100000\n");
+    fixture.write(
+        "strict.toml",
+        "[localize]\nscore = 'inliers'\nmin-score = 100000\n",
+    );
     let args = [
         "localize",
         "street.map",

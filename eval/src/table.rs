@@ -35,9 +35,10 @@ pub(crate) fn short_count(count: f64) -> String {
     }
 }
 
-/// Milliseconds with three digits or fewer.
+/// Milliseconds with three digits or fewer; a dash where nothing was timed.
 pub(crate) fn short_ms(ms: f64) -> String {
     match ms {
+        ms if ms <= 0.0 => "-".into(),
         ms if ms < 0.0995 => format!("{ms:.3}"),
         ms if ms < 9.95 => format!("{ms:.2}"),
         ms if ms < 99.5 => format!("{ms:.1}"),

@@ -136,7 +136,7 @@ impl Temper {
     }
 
     /// How far each weight is from the prior, in its widths.
-    fn from_prior(self, prior: Self) -> [(f64, f64); 3] {
+    fn off(self, prior: Self) -> [(f64, f64); 3] {
         [
             (self.scale - prior.scale, prior.scale),
             (self.bias - prior.bias, BIAS_WIDTH),
@@ -145,7 +145,7 @@ impl Temper {
     }
 
     fn loss(self, questions: &[Question], prior: Self) -> f64 {
-        let drawn: f64 = (self.from_prior(prior).iter())
+        let drawn: f64 = (self.off(prior).iter())
             .map(|(by, width)| 0.5 * (by / width).powi(2))
             .sum();
         questions.iter().fold(drawn, |loss, question| {
@@ -161,7 +161,7 @@ impl Temper {
     fn derivatives(self, questions: &[Question], prior: Self) -> ([f64; 3], [[f64; 3]; 3]) {
         let mut gradient = [0.0; 3];
         let mut hessian = [[0.0; 3]; 3];
-        for (at, (by, width)) in self.from_prior(prior).into_iter().enumerate() {
+        for (at, (by, width)) in self.off(prior).into_iter().enumerate() {
             gradient[at] = by / width.powi(2);
             hessian[at][at] = width.powi(-2);
         }
@@ -198,8 +198,9 @@ fn solve(mut a: [[f64; 3]; 3], mut b: [f64; 3]) -> [f64; 3] {
     for pivot in 0..3 {
         for row in pivot + 1..3 {
             let share = a[row][pivot] / a[pivot][pivot];
-            for column in pivot..3 {
-                a[row][column] -= share * a[pivot][column];
+            let above = a[pivot];
+            for (entry, above) in a[row].iter_mut().zip(above) {
+                *entry -= share * above;
             }
             b[row] -= share * b[pivot];
         }

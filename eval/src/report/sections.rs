@@ -187,13 +187,16 @@ fn verdict(html: &mut String, results: &SuiteResults, row: &Row, variant: &Varia
             format!("of the predicted features are seen again{of_static}"),
         );
     }
-    tile(
-        format!("{} ms", short_ms(row.ms_p50)),
-        format!(
-            "to locate one image, median; 99 of 100 within {} ms",
-            short_ms(row.ms_p99)
-        ),
-    );
+    // A run that timed nothing says nothing about time.
+    if row.ms_p50 > 0.0 {
+        tile(
+            format!("{} ms", short_ms(row.ms_p50)),
+            format!(
+                "to locate one image, median; 99 of 100 within {} ms",
+                short_ms(row.ms_p99)
+            ),
+        );
+    }
     html.push_str("</div>");
 }
 

@@ -165,13 +165,11 @@ fn one_baseline(
         let key = if stands_in {
             default.at(n)
         } else {
-            match baseline_of(run, default, baseline, rows, n) {
-                Some(row) => row.key(),
-                None => {
-                    missing.push(run.suite.as_str());
-                    continue;
-                }
-            }
+            let Some(row) = baseline_of(run, default, baseline, rows, n) else {
+                missing.push(run.suite.as_str());
+                continue;
+            };
+            row.key()
         };
         let Some(difference) = PairedDifference::between(&run.queries, &key, &default.at(n)) else {
             missing.push(run.suite.as_str());

@@ -89,7 +89,7 @@ pub struct AtRisk {
 pub fn at_risks(native: &[Claim<'_>], foreign: &[Claim<'_>]) -> Vec<AtRisk> {
     let share = |claims: &[Claim<'_>], risk: f64, value: fn(&Claim<'_>) -> f64| {
         let located = (claims.iter()).filter(|claim| 1.0 - claim.confidence <= risk + ROUNDING);
-        located.map(value).sum::<f64>() / claims.len().max(1) as f64
+        located.map(value).fold(0.0, |sum, value| sum + value) / claims.len().max(1) as f64
     };
     (RISKS.into_iter())
         .map(|risk| AtRisk {
@@ -134,6 +134,10 @@ mod tests {
         );
         assert!(curve.is_sorted_by(|a, b| a.located <= b.located && a.accepted <= b.accepted));
         assert_eq!(at_risks(&native, &[])[0].accepted, None);
+        assert!(
+            at(0.001).located.is_sign_positive(),
+            "nobody is not minus nobody"
+        );
     }
 
     #[test]

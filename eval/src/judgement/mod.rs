@@ -345,16 +345,15 @@ fn against(queries: &[&Query], key: &RowKey, elsewhere: f64) -> Vec<Against> {
             (Some(_), _) => (1.0 - elsewhere) / num_native as f64,
             (None, _) => elsewhere / num_foreign as f64,
         };
-        let difference = |loss: fn(&Judged<'_>) -> f64| -> Measured {
+        let difference = |of: fn(&Judged<'_>, &Judged<'_>) -> f64| -> Measured {
             let pairs = pairs.iter();
-            let values =
-                pairs.map(|(it, other)| (it.claim.group, loss(it) - loss(other), weight(it)));
+            let values = pairs.map(|(it, other)| (it.claim.group, of(it, other), weight(it)));
             Sample::weighted(values).estimate().into()
         };
         Some(Against {
             score: score.into(),
-            brier: difference(|it| it.brier()),
-            log_loss: difference(|it| it.log_loss()),
+            brier: difference(|it, other| it.brier() - other.brier()),
+            log_loss: difference(|it, other| it.log_loss() - other.log_loss()),
         })
     });
     compared.collect()

@@ -26,7 +26,7 @@ pub fn brier(posterior: &BTreeMap<String, f64>, truth: Option<&str>) -> f64 {
 /// The log loss of one query, in nats.
 pub fn log_loss(posterior: &BTreeMap<String, f64>, truth: Option<&str>) -> f64 {
     let p = posterior.get(truth.unwrap_or(ELSEWHERE)).copied();
-    -p.unwrap_or(0.0).max(LEAST).min(1.0).ln()
+    -p.unwrap_or(0.0).clamp(LEAST, 1.0).ln()
 }
 
 #[cfg(test)]

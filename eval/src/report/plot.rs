@@ -196,7 +196,7 @@ impl SharePlot<'_> {
         );
         if let Some(guide) = self.guide {
             let line = guide.into_iter().map(|(x, y)| (px(x), py(y)));
-            put!(html, "<path class=\"axis\" d=\"{}\"/>", path(line));
+            put!(html, "<path class=\"guide\" d=\"{}\"/>", path(line));
         }
         let (main, others): (Vec<_>, Vec<_>) =
             self.series.iter().enumerate().partition(|(_, s)| s.is_main);

@@ -187,7 +187,7 @@ fn verdict(html: &mut String, results: &SuiteResults, row: &Row, variant: &Varia
             format!("of the predicted features are seen again{of_static}"),
         );
     }
-    // A suite of several datasets times nothing.
+    // A run that timed nothing says nothing about time.
     if row.ms_p50 > 0.0 {
         tile(
             format!("{} ms", short_ms(row.ms_p50)),

@@ -378,7 +378,7 @@ mod tests {
         for arm in &suite.arms {
             for run in arm.runs(true) {
                 num_defaults += usize::from(run.localizer == LocalizerConfig::default());
-                for &score in &arm.scores {
+                for &score in &run.scores {
                     let name = run.variant(arm.preset, score).to_string();
                     assert!(names.insert(name.clone()), "{name} is there twice");
                 }

@@ -241,8 +241,8 @@ mod tests {
                     .pairs(200_000)
                     .reference(),
                 Measurement::new("search", "500 x 400", "avx2", &[1.0]).recall(0.5),
-                Measurement::new("end to end", "10 places", "match", &[5.0]),
-                Measurement::new("end to end", "100 places", "match", &[50.0]),
+                Measurement::new(end_to_end::SECTION, "10 places", "match", &[5.0]),
+                Measurement::new(end_to_end::SECTION, "100 places", "match", &[50.0]),
             ],
         }
     }
@@ -253,7 +253,7 @@ mod tests {
         assert_eq!(report.ratio(&report.measurements[1]), Some(2.0));
         assert_eq!(report.ratio(&report.measurements[2]), None);
         let text = render(&report);
-        assert!(text.contains("2.00x") && text.contains("15.0"), "{text}");
+        assert!(text.contains("2.00x") && text.contains("10.0"), "{text}");
         assert!(!text.contains("How we compare"), "{text}");
         let svg = plot::growth(&report);
         assert!(svg.contains("<svg") && svg.contains("100"), "{svg}");

@@ -188,8 +188,9 @@ impl Calibration {
         let (images, trials) = ask(localizer, everything.as_ref().unwrap_or(&localizer.plans))?;
         calibration.num_images = images.len();
         calibration.learn_rates(localizer, &images, &trials);
-        calibration.learn_distances(&Reobservation::of(&localizer.snapshot)?, &images, &trials);
-        calibration.learn_displacement(localizer)?;
+        let seen = Reobservation::of(&localizer.snapshot)?;
+        calibration.learn_distances(&seen, &images, &trials);
+        calibration.learn_displacement(&seen, localizer.snapshot.meta.image_size);
         let trials = match everything {
             None => trials,
             Some(_) => ask(localizer, &localizer.plans)?.1,
@@ -386,11 +387,8 @@ impl Calibration {
         }
     }
 
-    fn learn_displacement(&mut self, localizer: &Localizer) -> Result<()> {
-        let snapshot = &localizer.snapshot;
-        let seen = Reobservation::of(snapshot)?;
-        if let (Some(spread_px), Some((width, height))) =
-            (seen.spread_px(), snapshot.meta.image_size)
+    fn learn_displacement(&mut self, seen: &Reobservation, image_size: Option<(u32, u32)>) {
+        if let (Some(spread_px), Some((width, height))) = (seen.spread_px(), image_size)
             && seen.num_displacements() >= MIN_DISPLACEMENTS
         {
             let area_px2 = 4.0 * f64::from(width) * f64::from(height);
@@ -399,7 +397,6 @@ impl Calibration {
                 area_px2,
             });
         }
-        Ok(())
     }
 
     fn learn_tempers(&mut self, images: &[Image], trials: &[Trial]) {

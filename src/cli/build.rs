@@ -33,9 +33,8 @@ use crate::time::Time;
 
 /// Images that each thread extracts before they are learnt.
 const IMAGES_PER_THREAD: usize = 8;
-/// Commits are at least this far apart,
-const COMMIT_INTERVAL: Duration = Duration::from_secs(1);
-/// and this many times as far as the last one took, so that most of the time goes into learning.
+/// Commits are this many times as far apart as the last one took, so that most of the time goes into
+/// learning.
 const COMMIT_SHARE: u32 = 20;
 
 /// Learn a map from images of known places and times.
@@ -70,6 +69,8 @@ pub(super) struct BuildArgs {
     /// Which visits keep their own features, for the experience methods (of the preset if not given).
     #[arg(long, value_name = "WHICH")]
     keep_appearances: Option<Keep>,
+    #[command(flatten)]
+    commits: CommitArgs,
 }
 
 /// Learn more images of known places and times into a map.
@@ -95,6 +96,21 @@ pub(super) struct UpdateArgs {
     /// Which visits keep their own features, for the experience methods (of the preset if not given).
     #[arg(long, value_name = "WHICH")]
     keep_appearances: Option<Keep>,
+    #[command(flatten)]
+    commits: CommitArgs,
+}
+
+#[derive(Clone, Copy, Debug, Args)]
+struct CommitArgs {
+    /// Seconds of learning that a crash may cost: commits are at least this far apart.
+    #[arg(long = "commit-every", value_name = "SECONDS", default_value_t = 1)]
+    every_s: u32,
+}
+
+impl CommitArgs {
+    fn interval(self) -> Duration {
+        Duration::from_secs(u64::from(self.every_s))
+    }
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -129,7 +145,8 @@ pub(super) fn run(args: &BuildArgs, out: &mut Output) -> Result<Outcome> {
     refuse_existing(map)?;
     let (manifest, dataset) = open_dataset(data)?;
     interrupt::watch()?;
-    Build::new(args.preset, config.learn, &manifest, dataset, map)?.run(out)
+    Build::new(args.preset, config.learn, &manifest, dataset, map)?
+        .run(args.commits.interval(), out)
 }
 
 pub(super) fn update(args: &UpdateArgs, out: &mut Output) -> Result<Outcome> {
@@ -147,7 +164,7 @@ pub(super) fn update(args: &UpdateArgs, out: &mut Output) -> Result<Outcome> {
     }
     let (_, dataset) = open_dataset(&args.data)?;
     interrupt::watch()?;
-    Build::onto(map, config.learn, dataset)?.run(out)
+    Build::onto(map, config.learn, dataset)?.run(args.commits.interval(), out)
 }
 
 fn open_dataset(data: &Path) -> Result<(Manifest, Dataset)> {
@@ -245,8 +262,8 @@ impl Build {
         })
     }
 
-    fn run(mut self, out: &mut Output) -> Result<Outcome> {
-        match self.learn() {
+    fn run(mut self, commit_interval: Duration, out: &mut Output) -> Result<Outcome> {
+        match self.learn(commit_interval) {
             Ok(true) => {}
             Ok(false) => return self.stop(),
             Err(error) => return Err(self.give_up(error)),
@@ -279,7 +296,7 @@ impl Build {
     }
 
     /// Learns what the part does not hold yet; false if it was asked to stop.
-    fn learn(&mut self) -> Result<bool> {
+    fn learn(&mut self, commit_interval: Duration) -> Result<bool> {
         let known = self.known_visits();
         let entries = std::mem::take(&mut self.dataset.entries);
         let pending: Vec<&Entry> = (entries.iter())
@@ -296,7 +313,7 @@ impl Build {
         let progress = Progress::new("learning", entries.len());
         let chunk_len = IMAGES_PER_THREAD * rayon::current_num_threads();
         let mut num_done = num_known;
-        let mut next_commit = Instant::now() + COMMIT_INTERVAL;
+        let mut next_commit = Instant::now() + commit_interval;
         for chunk in pending.chunks(chunk_len) {
             let extracted: Vec<_> = chunk
                 .par_iter()
@@ -319,7 +336,7 @@ impl Build {
                 let start = Instant::now();
                 let generation = self.map.commit(&*self.learner.snapshot()?)?;
                 tracing::info!(generation, visits = num_done, "committed");
-                let pause = COMMIT_INTERVAL.max(start.elapsed().saturating_mul(COMMIT_SHARE));
+                let pause = commit_interval.max(start.elapsed().saturating_mul(COMMIT_SHARE));
                 next_commit = Instant::now() + pause;
             }
         }

@@ -18,6 +18,7 @@ pub(super) fn watch() -> Result<()> {
         if REQUESTED.swap(true, Ordering::SeqCst) {
             std::process::exit(i32::from(EXIT_CODE));
         }
+        eprintln!("stopping after the images in hand; Ctrl-C again stops at once");
     })
     .context("cannot watch for Ctrl-C")
 }

@@ -373,7 +373,8 @@ fn check_file(file: &Path, path: &str) -> Result<(), String> {
         Ok(meta) if meta.is_dir() => Err(format!(
             "`{path}` is a folder, not an image (help: write the path of a file)"
         )),
-        Ok(meta) if meta.len() == 0 => Err(format!(
+        // The length of a pipe is not known.
+        Ok(meta) if meta.is_file() && meta.len() == 0 => Err(format!(
             "the file `{path}` is empty, 0 bytes (help: copy it again or remove its row)"
         )),
         Ok(_) => Ok(()),

@@ -2,10 +2,11 @@
 
 use std::fmt::Write as _;
 use std::fs;
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::sync::OnceLock;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use chronotope::dataset::synthetic::{World, WorldConfig};
 use chronotope::map::{Map, MapMeta};
@@ -939,51 +940,100 @@ fn a_finished_map_is_never_overwritten() {
     );
 }
 
-/// An index of many visits that takes a while.
-fn long(fixture: &Fixture) -> usize {
-    let mut index = String::from("place,time,path\n");
-    let mut rows = 0;
-    for day in 0..40 {
-        for (place, time, name, _) in images() {
-            let time = time.plus_us(day * 60_000_000);
-            writeln!(index, "place-{place:02},{time},{name}").expect("memory");
-            rows += 1;
-        }
-    }
-    fixture.write("data/index.csv", index);
-    rows
+/// A build in another process, held at an image that is a pipe until the test writes it.
+struct HeldBuild {
+    fixture: Fixture,
+    process: std::process::Child,
+    pipe: fs::File,
+    num_visits: usize,
 }
 
-fn interrupt(process: &std::process::Child) {
-    let sent = Command::new("kill")
-        .args(["-INT", &process.id().to_string()])
-        .status();
-    assert!(sent.expect("kill is there").success());
+impl HeldBuild {
+    const PIPE: &str = "data/images/pipe.png";
+
+    /// Starts `build` on many visits and waits until it asks for the one in the middle.
+    fn start(build: &[&str]) -> Self {
+        let fixture = Fixture::new();
+        let mut index = String::from("place,time,path\n");
+        let mut num_visits = 1;
+        for day in 0..40 {
+            for (place, time, name, _) in images() {
+                let time = time.plus_us(day * 60_000_000);
+                writeln!(index, "place-{place:02},{time},{name}").expect("memory");
+                num_visits += 1;
+            }
+        }
+        let (_, time, ..) = images()[images().len() / 2];
+        writeln!(index, "place-00,{},images/pipe.png", time.plus_us(1)).expect("memory");
+        fixture.write("data/index.csv", index);
+        let path = fixture.path(Self::PIPE);
+        let made = Command::new("mkfifo").arg(&path).status();
+        assert!(made.expect("mkfifo is there").success());
+        let process = fixture
+            .command(build)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the command starts");
+        let (sender, receiver) = std::sync::mpsc::channel();
+        // Opening a pipe waits for whoever reads it; on its own thread, so that the test can give up.
+        std::thread::spawn(move || sender.send(fs::OpenOptions::new().write(true).open(path)));
+        let pipe = receiver
+            .recv_timeout(Duration::from_secs(120))
+            .expect("the build comes to the pipe")
+            .expect("writable");
+        Self {
+            fixture,
+            process,
+            pipe,
+            num_visits,
+        }
+    }
+
+    /// Presses Ctrl-C, lets the image through once that has arrived, and waits for the end.
+    fn interrupt(mut self) -> (Fixture, usize, Ran) {
+        let sent = Command::new("kill")
+            .args(["-INT", &self.process.id().to_string()])
+            .status();
+        assert!(sent.expect("kill is there").success());
+        let mut stderr = BufReader::new(self.process.stderr.take().expect("piped"));
+        let mut said = String::new();
+        while !said.contains("stopping after") {
+            let num_read = stderr.read_line(&mut said).expect("text");
+            assert!(num_read > 0, "it ended before it saw Ctrl-C: {said}");
+        }
+        let (.., picture) = &images()[0];
+        self.pipe.write_all(picture).expect("it is read");
+        drop(self.pipe);
+        stderr.read_to_string(&mut said).expect("text");
+        let output = self.process.wait_with_output().expect("it ends");
+        let mut stopped = Ran::from(output);
+        stopped.stderr = said;
+        // From now on an image like the others.
+        fs::remove_file(self.fixture.path(Self::PIPE)).expect("is there");
+        self.fixture.write(Self::PIPE, picture);
+        (self.fixture, self.num_visits, stopped)
+    }
 }
 
 #[test]
 fn an_interrupted_build_goes_on_where_it_stopped() {
-    let fixture = Fixture::new();
-    let num_visits = long(&fixture);
-    let build = ["map", "build", "--data", "data", "--out", "street.map"];
-    let child = fixture
-        .command(&build)
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("the command starts");
-    let part = fixture.path("street.map.part");
-    let deadline = Instant::now() + Duration::from_secs(120);
+    let build = [
+        "map",
+        "build",
+        "--data",
+        "data",
+        "--out",
+        "street.map",
+        "--commit-every",
+        "0",
+    ];
+    let held = HeldBuild::start(&build);
+    let part = held.fixture.path("street.map.part");
     // Another process may read a map that is being built.
-    while !Map::open_read_only(&part).is_ok_and(|map| !map.snapshot().nodes.is_empty()) {
-        assert!(
-            Instant::now() < deadline && !fixture.path("street.map").exists(),
-            "no commit was seen"
-        );
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    interrupt(&child);
-    let stopped = Ran::from(child.wait_with_output().expect("it ends"));
+    let seen = Map::open_read_only(&part).expect("readable").snapshot();
+    assert!(seen.summary().num_visits > 0, "no commit was seen");
+    let (fixture, num_visits, stopped) = held.interrupt();
     assert_eq!(stopped.code, 130, "{stopped:?}");
     assert!(
         stopped.stderr.contains("give the same command again"),
@@ -1059,9 +1109,7 @@ fn the_reference_preset_commits_once_at_the_end() {
 
 #[test]
 fn an_interrupted_reference_build_leaves_nothing_half_done() {
-    let fixture = Fixture::new();
-    long(&fixture);
-    let build = [
+    let held = HeldBuild::start(&[
         "map",
         "build",
         "--data",
@@ -1070,21 +1118,10 @@ fn an_interrupted_reference_build_leaves_nothing_half_done() {
         "street.map",
         "--preset",
         "lttl",
-    ];
-    let child = fixture
-        .command(&build)
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("the command starts");
-    let part = fixture.path("street.map.part");
-    let deadline = Instant::now() + Duration::from_secs(120);
-    while !part.exists() {
-        assert!(Instant::now() < deadline, "the build does not start");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    interrupt(&child);
-    let stopped = Ran::from(child.wait_with_output().expect("it ends"));
+    ]);
+    let part = held.fixture.path("street.map.part");
+    assert!(part.exists());
+    let (fixture, _, stopped) = held.interrupt();
     assert_eq!(stopped.code, 130, "{stopped:?}");
     assert!(stopped.stderr.contains("nothing is kept"), "{stopped:?}");
     assert!(!part.exists() && !fixture.path("street.map").exists());

@@ -555,9 +555,12 @@ fn localizers(snapshot: &Arc<Snapshot>, runs: &[Run]) -> Result<Vec<Localizer>> 
         .collect()
 }
 
-/// Probabilities are written to four digits.
+/// Probabilities are written so that `p` and `1 - p` both keep four digits, down to 1e-12: files stay
+/// small, and answers that are nearly sure stay in order.
 fn rounded(p: f64) -> f64 {
-    (p * 1e4).round() / 1e4
+    let rarer = p.min(1.0 - p).max(1e-12);
+    let scale = 10_f64.powi(3 - rarer.log10().floor() as i32);
+    (p * scale).round() / scale
 }
 
 fn ask(

@@ -21,6 +21,7 @@ pub mod several;
 pub mod speed;
 pub mod suite;
 pub mod table;
+pub mod truth;
 
 // The made-up run is shared by unit and integration tests, which name this crate differently.
 #[cfg(test)]

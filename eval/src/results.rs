@@ -360,6 +360,22 @@ pub struct StageLatency {
     pub ms_p99: f64,
 }
 
+/// How far one model's p(t) is from the truth, on average.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct VisibilityError {
+    /// Its name.
+    pub model: String,
+    /// Whether the shipped default configuration uses it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_default: bool,
+    /// Mean of |p - truth|.
+    pub mean: f64,
+    /// Lower end of its 95 % interval.
+    pub ci_low: f64,
+    /// Upper end of its 95 % interval.
+    pub ci_high: f64,
+}
+
 /// One run of one suite: the content of `SUITE.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SuiteResults {
@@ -402,6 +418,9 @@ pub struct SuiteResults {
     /// Re-observation per variant.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub reobservation: Vec<Reobservation>,
+    /// How far models of visibility are from the truth, where that is known.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub visibility_errors: Vec<VisibilityError>,
     /// Latency by stage.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub latency: Vec<StageLatency>,
@@ -433,6 +452,7 @@ impl SuiteResults {
             leak_check: None,
             notes: Vec::new(),
             reobservation: Vec::new(),
+            visibility_errors: Vec::new(),
             latency: Vec::new(),
             judgement: Vec::new(),
             rows: Vec::new(),

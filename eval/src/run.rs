@@ -19,6 +19,7 @@ use crate::report::Pictures;
 use crate::results::{SuiteResults, Variant};
 use crate::several::Parts;
 use crate::suite::{Protocol, Suite};
+use crate::truth::visibility_errors;
 
 /// The number of features at which a synthetic suite compares methods in words.
 const COMPARED_N: u32 = 30;
@@ -52,6 +53,10 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Vec<(SuiteResults, Pic
             let (mut main, main_pictures) = plan.run(suite, true)?;
             let (mut control, control_pictures) = plan.run(suite, false)?;
             control.suite = format!("{}-control", suite.name);
+            for (results, rhythms) in [(&mut main, true), (&mut control, false)] {
+                results.visibility_errors =
+                    visibility_errors(*num_seeds, *num_learn, *num_query, rhythms)?;
+            }
             main.notes
                 .extend(against_static(&main, "FreMEn against static"));
             main.notes.extend(against_static(

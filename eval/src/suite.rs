@@ -154,6 +154,14 @@ pub struct Arm {
     pub choice: Option<Choice>,
     /// Added to the names of models, to tell the arms of an ablation apart.
     pub label: Option<String>,
+    /// Whether runs that count matches learn what a count is worth, for the judgement of posteriors;
+    /// in suites of many maps that is half of the time.
+    #[serde(default = "yes")]
+    pub calibrate_counts: bool,
+}
+
+const fn yes() -> bool {
+    true
 }
 
 fn all_methods() -> Vec<Method> {
@@ -324,8 +332,10 @@ impl Arm {
         let as_in_papers = cfg.clone().with_choice(Choice::Likeliest);
         for (scores, cfg) in [(likelihood, cfg), (counting, &as_in_papers)] {
             if !scores.is_empty() {
+                let weighs = scores.contains(&Score::Likelihood) || self.calibrate_counts;
+                let calibrated = cfg.calibrated() && weighs;
                 runs.push(Run {
-                    localizer: scored(cfg, &scores),
+                    localizer: scored(cfg, &scores).with_calibrated(calibrated),
                     scores,
                     model: model.into(),
                     order,

@@ -106,6 +106,7 @@ pub fn render(results: &SuiteResults, n: Option<u32>) -> String {
     over_n(&mut text, results);
     at_n(&mut text, results, n);
     judgement(&mut text, results, n);
+    visibility_errors(&mut text, results);
     if results.rows.iter().any(|row| row.is_default) {
         text.push_str("\n* the shipped default configuration\n");
     }
@@ -170,6 +171,25 @@ fn at_n(text: &mut String, results: &SuiteResults, n: u32) {
             short_ms(row.ms_p99)
         );
     });
+}
+
+/// How far each model of visibility is from the truth; nothing where that is not known.
+fn visibility_errors(text: &mut String, results: &SuiteResults) {
+    if results.visibility_errors.is_empty() {
+        return;
+    }
+    let _ = writeln!(
+        text,
+        "\nPredicted visibility against the truth, mean |p - truth| (95 % interval)"
+    );
+    for error in &results.visibility_errors {
+        let mark = if error.is_default { '*' } else { ' ' };
+        let _ = writeln!(
+            text,
+            "{mark} {:<NAME_WIDTH$}{:>7.3}   [{:.3}, {:.3}]",
+            error.model, error.mean, error.ci_low, error.ci_high
+        );
+    }
 }
 
 /// What posteriors and decisions are worth at `n`; nothing where no row was judged.

@@ -1,7 +1,7 @@
 //! Which numbers are in effect?
 //!
-//! A configuration file has the tables `[learn]` ([`LearnConfig`]) and `[localize]`
-//! ([`LocalizerConfig`]). A key in them replaces that of the preset; if it is a table itself, it
+//! A configuration file has the tables `[learn]` ([`LearnConfig`]), `[localize]`
+//! ([`LocalizerConfig`]) and `[motion]` ([`MotionConfig`]). A key in them replaces that of the preset; if it is a table itself, it
 //! replaces the preset's as a whole. Options of the command come last.
 
 use std::path::Path;
@@ -11,13 +11,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::learn::LearnConfig;
-use crate::localize::{LocalizerConfig, Preset};
+use crate::localize::{LocalizerConfig, MotionConfig, Preset};
 
 /// Everything a file can set.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Config {
     pub(super) learn: LearnConfig,
     pub(super) localize: LocalizerConfig,
+    pub(super) motion: MotionConfig,
 }
 
 /// The file by itself: finds every wrong key and value, with its line.
@@ -26,6 +27,7 @@ pub(super) struct Config {
 struct File {
     learn: Option<LearnConfig>,
     localize: Option<LocalizerConfig>,
+    motion: Option<MotionConfig>,
 }
 
 impl Config {
@@ -34,6 +36,7 @@ impl Config {
         let config = Self {
             learn: LearnConfig::preset(preset),
             localize: LocalizerConfig::preset(preset),
+            motion: MotionConfig::default(),
         };
         let Some(path) = file else {
             return Ok(config);
@@ -59,6 +62,7 @@ impl Config {
                 Some(_) => overlaid(&self.localize, tables.get("localize"))?,
                 None => self.localize,
             },
+            motion: file.motion.unwrap_or(self.motion),
         })
     }
 
@@ -136,6 +140,7 @@ mod tests {
                 "features-per-visits",
             ),
             ("[locate]\n", "line 1", "locate"),
+            ("[motion]\nkidnap = 0.0", "line 1", "kidnap"),
             (
                 "[localize]\nselection = { top = 0 }",
                 "line 2",

@@ -17,8 +17,8 @@ use super::{ConfigArgs, Outcome, interrupt, named, preset_of};
 use crate::error::{Error, ErrorKind};
 use crate::feature::{Extractor, ExtractorConfig, Features, GrayImage, LoadOptions, load_mask};
 use crate::localize::{
-    Candidate, Decision, Localization, Localizer, LocalizerConfig, Method, Preset, Query, Score,
-    Scratch,
+    Candidate, Decision, Localization, Localizer, LocalizerConfig, Method, MotionConfig, Preset,
+    Query, Score, Scratch, Tracker,
 };
 use crate::map::{Map, NodeId, PlaceKey, Snapshot};
 use crate::predict::Selection;
@@ -36,6 +36,7 @@ Examples:
   chronotope localize street.map now.jpg --time 2024-05-01T08:30:00Z
   chronotope localize street.map photos/*.jpg --json
   chronotope localize street.map photos/*.jpg --learn
+  chronotope localize street.map run/*.jpg --track
   chronotope localize street.map now.jpg --method static --n 100 --trace evidence.jsonl
   chronotope localize park.map 0105.webp --manifest stromovka
   chronotope localize street.map --camera 0 --trace - | chronotope-dashboard --connect")]
@@ -71,6 +72,10 @@ pub(super) struct LocalizeArgs {
     /// `map rollback` can take back. Without this the map is only read.
     #[arg(long)]
     learn: bool,
+    /// Take the images as one way, in the order given: what was believed before moves along the map's
+    /// edges and counts too. The table [motion] of --config says how the robot moves.
+    #[arg(long)]
+    track: bool,
     /// One JSON object for each image.
     #[arg(long)]
     json: bool,
@@ -103,6 +108,9 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
     let needs_time = config.localize.method().needs_time();
     let (trace, results) = args.outputs(out)?;
     let mut guide = Guide::new(&map, config.localize, args.mask.as_deref(), trace, results)?;
+    if args.track {
+        guide.track(config.motion)?;
+    }
     guide.form = match (args.json, args.images.len()) {
         (true, _) => Form::Json,
         (false, 1) => Form::Sheet,
@@ -218,6 +226,7 @@ struct Guide<'o> {
     answer: Localization,
     trace: Option<Sink>,
     student: Option<Student>,
+    tracker: Option<Tracker>,
     out: &'o mut Output,
     form: Form,
     outcome: Outcome,
@@ -248,11 +257,31 @@ impl<'o> Guide<'o> {
             answer: Localization::default(),
             trace,
             student: None,
+            tracker: None,
             out,
             form: Form::Line,
             outcome: Outcome::Good,
             is_warned: false,
         })
+    }
+
+    /// From now on the pictures are one way.
+    fn track(&mut self, motion: MotionConfig) -> Result<()> {
+        let cfg = self.localizer.cfg();
+        if cfg.score() != Score::Likelihood {
+            bail!(
+                "--track needs the score `likelihood`, not `{}` (help: leave --score and --preset out)",
+                cfg.score()
+            );
+        }
+        let snapshot = self.localizer.snapshot();
+        if snapshot.edges.is_empty() {
+            eprintln!(
+                "warning: the map has no edges, so the robot may go from any place to any other"
+            );
+        }
+        self.tracker = Some(Tracker::new(snapshot, motion));
+        Ok(())
     }
 
     /// Says why a picture has no answer, and goes on.
@@ -356,6 +385,9 @@ impl<'o> Guide<'o> {
             image_size: Some((picture.image.width() as u32, picture.image.height() as u32)),
         };
         (self.localizer).localize_into(&mut self.scratch, &query, &mut self.answer)?;
+        if let Some(tracker) = &mut self.tracker {
+            tracker.update(self.localizer.cfg(), &mut self.answer)?;
+        }
         Ok(live)
     }
 }

@@ -237,6 +237,34 @@ impl Localization {
     }
 }
 
+impl Localization {
+    /// Takes over what is believed of each place, by node, and of elsewhere, and decides by that.
+    pub(super) fn follow(&mut self, cfg: &LocalizerConfig, belief: &[f64], elsewhere: f64) {
+        for candidate in &mut self.ranking {
+            candidate.posterior = belief[candidate.node.0 as usize];
+        }
+        let by_belief = |a: &Candidate, b: &Candidate| b.posterior.total_cmp(&a.posterior);
+        (self.ranking).sort_unstable_by(|a, b| by_belief(a, b).then(a.node.cmp(&b.node)));
+        self.elsewhere = elsewhere;
+        let first = self.first().map_or(0.0, |first| first.posterior);
+        self.tied = (self.ranking.iter())
+            .take_while(|candidate| candidate.posterior == first)
+            .count();
+        self.reason = Reason {
+            best: self.first().map_or(0.0, |first| first.score),
+            second: self.ranking.get(1).map(|second| second.score),
+            rule: Rule::Risk {
+                allowed: cfg.risk(),
+                first,
+                elsewhere,
+            },
+        };
+        self.decision = self.first().map_or(Decision::Unknown, |place| {
+            Decision::by_risk(place.node, first, elsewhere, cfg.risk())
+        });
+    }
+}
+
 impl Candidate {
     pub(super) fn restart(&mut self, node: NodeId) {
         self.node = node;

@@ -23,14 +23,16 @@
 //! query alone (ties go to the lowest node and are counted); with a warmed-up [`Scratch`] and output,
 //! nothing is allocated.
 //!
-//! Not for: following a robot between images (each query stands alone) or metric poses (a displacement
-//! in px is all that one image gives).
+//! Each query stands alone; a [`Tracker`] follows a robot from image to image along the map's edges.
+//!
+//! Not for: metric poses (a displacement in px is all that one image gives).
 
 mod calibration;
 mod config;
 mod evidence;
 mod localization;
 mod sweep;
+mod tracking;
 
 use std::sync::Arc;
 
@@ -38,6 +40,7 @@ pub use calibration::{Calibration, Curve, Temper};
 pub use config::{LocalizerConfig, Method, Preset, Score};
 pub use localization::{Candidate, Decision, EvidenceMatch, Localization, Reason};
 pub use sweep::{Sweep, Tally};
+pub use tracking::{EdgeMotion, Motion, MotionConfig, Tracker, Transitions};
 
 use self::calibration::as_evidence;
 use self::evidence::{Expectation, LogMean};

@@ -310,6 +310,30 @@ fn images_are_located_at_their_places() {
 }
 
 #[test]
+fn images_of_one_way_are_followed_along_the_edges() {
+    let fixture = Fixture::with_map();
+    let way = [
+        "localize",
+        "street.map",
+        "query0.png",
+        "query1.png",
+        "query2.png",
+        "--time",
+        QUERY_TIME,
+        "--track",
+        "--json",
+    ];
+    let followed = fixture.run(&way);
+    assert_eq!(followed.code, 0, "{followed:?}");
+    let places: Vec<Value> = (followed.lines().iter())
+        .map(|line| line["place"].clone())
+        .collect();
+    assert_eq!(places, ["place-00", "place-01", "place-02"]);
+    let by_count = [&way[..], &["--score", "count"]].concat();
+    fixture.fails(&by_count, &["--track", "likelihood"]);
+}
+
+#[test]
 fn a_trace_is_complete_in_itself() {
     let fixture = Fixture::with_map();
     let query = [

@@ -15,6 +15,7 @@ mod matching;
 mod merge;
 mod spectrum;
 mod synthetic;
+mod tracking;
 mod untrusted;
 mod visibility;
 mod visibility_series;

@@ -164,6 +164,7 @@ pub fn render(input: &ReportInput<'_>) -> Result<String> {
             sections::reobservation(results),
         ),
         ("judgement", "Trust", judgement::section(results)),
+        ("truth", "Truth", sections::visibility_errors(results)),
         ("cost", "Cost", sections::cost(results)),
         ("confusion", "Confusion", sections::confusion(results)),
         (

@@ -633,6 +633,35 @@ pub(super) fn reobservation(results: &SuiteResults) -> String {
     html
 }
 
+/// Predicted visibility against the truth.
+pub(super) fn visibility_errors(results: &SuiteResults) -> String {
+    let mut html = String::new();
+    let errors = &results.visibility_errors;
+    if errors.is_empty() {
+        return html;
+    }
+    html.push_str(
+        "<h2>How far is predicted visibility from the truth?</h2><p class=\"hint\">Lower is better. \
+         Here the true probability of everything that is drawn is known: the mean distance of each \
+         model\u{2019}s p(t) from it, at rounds that were not learnt; the default model has a star.</p>\
+         <div class=\"scroll\"><table><thead><tr><th>Model</th><th class=\"num\">mean |p \u{2212} truth|</th>\
+         <th class=\"num\">95 % interval</th></tr></thead><tbody>",
+    );
+    for error in errors {
+        put!(
+            html,
+            "<tr><td>{}{}</td><td class=\"num\">{:.3}</td><td class=\"num\">{:.3} to {:.3}</td></tr>",
+            Esc(&error.model),
+            if error.is_default { " *" } else { "" },
+            error.mean,
+            error.ci_low,
+            error.ci_high
+        );
+    }
+    html.push_str("</tbody></table></div>\n");
+    html
+}
+
 /// Error over pairs compared, and time by stage.
 pub(super) fn cost(results: &SuiteResults) -> String {
     let plots = error_plots(results, Along::Pairs);

@@ -1,0 +1,589 @@
+//! Where am I, given where I was?
+//!
+//! A [`Tracker`] is a discrete Bayes filter over the places of a map and "elsewhere". Between two
+//! images its belief moves by a [`Motion`]; then each hypothesis is weighed by what the new image says:
+//!
+//! ```text
+//! moved(l)  = sum over k of belief(k) * P(l | k)
+//! belief(l) ~ moved(l) * P(image | l),    P(image | l) ~ posterior(l) / prior(l)
+//! ```
+//!
+//! with the posterior of the single image ([`Localization`], made with a uniform prior over places and
+//! [`LocalizerConfig::elsewhere`]). The answer's posteriors become the beliefs, and the decision is
+//! taken anew at the same risk; scores and matches stay those of the image.
+//!
+//! Whatever the motion, a robot may be carried away: with probability [`MotionConfig::kidnap`] an image
+//! is taken anywhere. That bounds how sure the past can be, so a few images at another place always
+//! win: about `ln((1 - kidnap) N / kidnap)` nats of them.
+//!
+//! Cost: O(places + edges) an image, without allocation once warm.
+//!
+//! Source: Bayesian filtering on a topological map as in Cummins & Newman 2008 (FAB-MAP), section 5;
+//! Thrun, Burgard & Fox 2005, chapter 8 (grid localisation and its kidnapped robot).
+//!
+//! Not for: images faster than the scene or the robot changes. Two images of a robot that stands still
+//! share their noise and are counted as two witnesses all the same; ask for one image in a while.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Localization, LocalizerConfig};
+use crate::error::{Error, ErrorKind, Result};
+use crate::map::{NodeId, Snapshot};
+
+/// Where may the robot be at the next image?
+///
+/// Implemented by [`EdgeMotion`], by [`Transitions`] that a user lists, and by whatever else knows how
+/// the robot moves (odometry, a plan).
+pub trait Motion: Send + Sync {
+    /// Moves `belief`, which has one entry for each place and sums to at most 1, into `moved`, which has
+    /// as many entries, all 0. What is not handed on is lost to "elsewhere".
+    fn advance(&self, belief: &[f64], moved: &mut [f64]);
+
+    /// How many places it knows.
+    fn num_places(&self) -> usize;
+}
+
+/// How willing a robot is to move, and to vanish.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, rename_all = "kebab-case", deny_unknown_fields)]
+#[serde(try_from = "MotionFields", into = "MotionFields")]
+pub struct MotionConfig(MotionFields);
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, rename_all = "kebab-case", deny_unknown_fields)]
+struct MotionFields {
+    stay: f64,
+    kidnap: f64,
+    leave: f64,
+    enter: f64,
+}
+
+impl Default for MotionFields {
+    fn default() -> Self {
+        Self {
+            stay: 0.5,
+            kidnap: 0.01,
+            leave: 0.02,
+            enter: 0.1,
+        }
+    }
+}
+
+impl Default for MotionConfig {
+    fn default() -> Self {
+        Self(MotionFields::default())
+    }
+}
+
+impl From<MotionConfig> for MotionFields {
+    fn from(cfg: MotionConfig) -> Self {
+        cfg.0
+    }
+}
+
+impl TryFrom<MotionFields> for MotionConfig {
+    type Error = Error;
+
+    fn try_from(fields: MotionFields) -> Result<Self> {
+        Self::default()
+            .with_stay(fields.stay)?
+            .with_kidnap(fields.kidnap)?
+            .with_leave(fields.leave)?
+            .with_enter(fields.enter)
+    }
+}
+
+impl MotionConfig {
+    /// The probability of still being at a place at the next image; the rest goes along its edges, each
+    /// alike. In [0, 1].
+    pub fn with_stay(mut self, stay: f64) -> Result<Self> {
+        self.0.stay = share("stay", stay, 0.0)?;
+        Ok(self)
+    }
+
+    /// The probability that the next image is taken anywhere. In (0, 1].
+    pub fn with_kidnap(mut self, kidnap: f64) -> Result<Self> {
+        self.0.kidnap = share("kidnap", kidnap, f64::MIN_POSITIVE)?;
+        Ok(self)
+    }
+
+    /// The probability of having left the map at the next image. In [0, 1].
+    pub fn with_leave(mut self, leave: f64) -> Result<Self> {
+        self.0.leave = share("leave", leave, 0.0)?;
+        Ok(self)
+    }
+
+    /// The probability of having come into the map, anywhere, from elsewhere. In [0, 1].
+    pub fn with_enter(mut self, enter: f64) -> Result<Self> {
+        self.0.enter = share("enter", enter, 0.0)?;
+        Ok(self)
+    }
+
+    /// The probability of still being at a place at the next image.
+    pub fn stay(&self) -> f64 {
+        self.0.stay
+    }
+
+    /// The probability that the next image is taken anywhere.
+    pub fn kidnap(&self) -> f64 {
+        self.0.kidnap
+    }
+
+    /// The probability of having left the map.
+    pub fn leave(&self) -> f64 {
+        self.0.leave
+    }
+
+    /// The probability of having come into the map.
+    pub fn enter(&self) -> f64 {
+        self.0.enter
+    }
+}
+
+fn share(name: &str, value: f64, least: f64) -> Result<f64> {
+    if (least..=1.0).contains(&value) {
+        return Ok(value);
+    }
+    Err(Error::new(
+        ErrorKind::Config,
+        format!("{name} is a probability, not {value}"),
+    )
+    .with_help("give a number between 0 and 1; `kidnap` must be above 0"))
+}
+
+/// Motion along the edges of a map, either way; from a place without edges, to any place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EdgeMotion {
+    stay: f64,
+    neighbours: Vec<Vec<NodeId>>,
+}
+
+impl EdgeMotion {
+    /// Along the edges of `snapshot`.
+    pub fn new(snapshot: &Snapshot, cfg: &MotionConfig) -> Self {
+        let mut neighbours = vec![Vec::new(); snapshot.nodes.len()];
+        let mut ends: Vec<_> = (snapshot.edges.iter())
+            .filter_map(|edge| Some((snapshot.find(&edge.from)?, snapshot.find(&edge.to)?)))
+            .filter(|(from, to)| from != to)
+            .flat_map(|(from, to)| [(from, to), (to, from)])
+            .collect();
+        ends.sort_unstable();
+        ends.dedup();
+        for (from, to) in ends {
+            neighbours[from.0 as usize].push(to);
+        }
+        Self {
+            stay: cfg.stay(),
+            neighbours,
+        }
+    }
+}
+
+impl Motion for EdgeMotion {
+    fn advance(&self, belief: &[f64], moved: &mut [f64]) {
+        let mut anywhere = 0.0;
+        for (place, (neighbours, &belief)) in self.neighbours.iter().zip(belief).enumerate() {
+            moved[place] += self.stay * belief;
+            let leaving = (1.0 - self.stay) * belief;
+            if neighbours.is_empty() {
+                anywhere += leaving;
+            }
+            for &NodeId(to) in neighbours {
+                moved[to as usize] += leaving / neighbours.len() as f64;
+            }
+        }
+        let each = anywhere / moved.len().max(1) as f64;
+        moved.iter_mut().for_each(|moved| *moved += each);
+    }
+
+    fn num_places(&self) -> usize {
+        self.neighbours.len()
+    }
+}
+
+/// Motion by probabilities that are given for each pair of places.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Transitions(Vec<Vec<(NodeId, f64)>>);
+
+impl Transitions {
+    /// For each place, where the robot is at the next image, with its probability.
+    ///
+    /// Fails with [`ErrorKind::Config`] where a probability is outside [0, 1], those of a place sum to
+    /// more than 1, or a place is not one of them. Less than 1 is allowed: the rest has left the map.
+    pub fn new(rows: Vec<Vec<(NodeId, f64)>>) -> Result<Self> {
+        let num_places = rows.len();
+        for (from, row) in rows.iter().enumerate() {
+            let total: f64 = row.iter().map(|(_, p)| p).sum();
+            let is_valid =
+                |&(to, p): &(NodeId, f64)| (to.0 as usize) < num_places && (0.0..=1.0).contains(&p);
+            if !row.iter().all(is_valid) || total > 1.0 + 1e-9 {
+                return Err(Error::new(
+                    ErrorKind::Config,
+                    format!("the motion from node {from} is no distribution over {num_places} places: {row:?}"),
+                )
+                .with_help("give each place probabilities that sum to at most 1"));
+            }
+        }
+        Ok(Self(rows))
+    }
+}
+
+impl Motion for Transitions {
+    fn advance(&self, belief: &[f64], moved: &mut [f64]) {
+        for (row, &belief) in self.0.iter().zip(belief) {
+            for &(NodeId(to), p) in row {
+                moved[to as usize] += p * belief;
+            }
+        }
+    }
+
+    fn num_places(&self) -> usize {
+        self.0.len()
+    }
+}
+
+/// Follows a robot from image to image.
+#[derive(Clone)]
+pub struct Tracker {
+    cfg: MotionConfig,
+    motion: Arc<dyn Motion>,
+    /// Of each place; nothing before the first image.
+    belief: Vec<f64>,
+    moved: Vec<f64>,
+    elsewhere: f64,
+}
+
+impl std::fmt::Debug for Tracker {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        (f.debug_struct("Tracker"))
+            .field("cfg", &self.cfg)
+            .field("belief", &self.belief)
+            .field("elsewhere", &self.elsewhere)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Tracker {
+    /// A robot that may be anywhere and moves along the edges of `snapshot`.
+    pub fn new(snapshot: &Snapshot, cfg: MotionConfig) -> Self {
+        Self::with_motion(Arc::new(EdgeMotion::new(snapshot, &cfg)), cfg)
+    }
+
+    /// A robot that may be anywhere and moves as `motion` says; of `cfg`, everything but `stay` holds.
+    pub fn with_motion(motion: Arc<dyn Motion>, cfg: MotionConfig) -> Self {
+        Self {
+            cfg,
+            motion,
+            belief: Vec::new(),
+            moved: Vec::new(),
+            elsewhere: 0.0,
+        }
+    }
+
+    /// What is believed of each place, by node; empty before the first image.
+    pub fn belief(&self) -> &[f64] {
+        &self.belief
+    }
+
+    /// What is believed of being at none of them.
+    pub fn elsewhere(&self) -> f64 {
+        self.elsewhere
+    }
+
+    /// Forgets where the robot was.
+    pub fn reset(&mut self) {
+        self.belief.clear();
+    }
+
+    /// Takes the next image's answer into account: its posteriors, decision and reason become those of
+    /// the whole way, and the ranking follows them. `cfg` is that of the localizer that gave it.
+    ///
+    /// Fails with [`ErrorKind::Config`] if the answer is of a localizer without calibrated likelihoods,
+    /// and with [`ErrorKind::Shape`] if it ranks other places than the motion knows.
+    pub fn update(&mut self, cfg: &LocalizerConfig, answer: &mut Localization) -> Result<()> {
+        if cfg.score() != super::Score::Likelihood {
+            return Err(Error::new(
+                ErrorKind::Config,
+                format!("a robot cannot be followed by the score `{}`", cfg.score()),
+            )
+            .with_help("use the score `likelihood`, whose posteriors are probabilities"));
+        }
+        let num_places = self.motion.num_places();
+        if answer.ranking.len() != num_places {
+            return Err(Error::new(
+                ErrorKind::Shape,
+                format!(
+                    "the answer ranks {} places, the motion knows {num_places}",
+                    answer.ranking.len()
+                ),
+            )
+            .with_help("make a new tracker when the map has changed"));
+        }
+        let prior = (1.0 - cfg.elsewhere()) / num_places.max(1) as f64;
+        if self.belief.is_empty() {
+            self.moved.clear();
+            self.moved.resize(num_places, prior);
+            self.elsewhere = cfg.elsewhere();
+        } else {
+            self.advance(cfg.elsewhere());
+        }
+        self.elsewhere *= answer.elsewhere / cfg.elsewhere();
+        for candidate in &answer.ranking {
+            self.moved[candidate.node.0 as usize] *= candidate.posterior / prior;
+        }
+        let total = self.moved.iter().sum::<f64>() + self.elsewhere;
+        self.belief.clear();
+        if total > 0.0 && total.is_finite() {
+            self.belief
+                .extend(self.moved.iter().map(|belief| belief / total));
+            self.elsewhere /= total;
+        } else {
+            // What the motion allows, the image denies: believe the image.
+            self.belief.resize(num_places, 0.0);
+            for candidate in &answer.ranking {
+                self.belief[candidate.node.0 as usize] = candidate.posterior;
+            }
+            self.elsewhere = answer.elsewhere;
+        }
+        answer.follow(cfg, &self.belief, self.elsewhere);
+        Ok(())
+    }
+
+    /// Moves the belief on to the next image, into `moved`.
+    fn advance(&mut self, prior_elsewhere: f64) {
+        let MotionFields {
+            kidnap,
+            leave,
+            enter,
+            ..
+        } = self.cfg.0;
+        let num_places = self.belief.len().max(1) as f64;
+        self.moved.clear();
+        self.moved.resize(self.belief.len(), 0.0);
+        self.motion.advance(&self.belief, &mut self.moved);
+        let kept: f64 = self.moved.iter().sum();
+        let was_inside: f64 = self.belief.iter().sum();
+        let lost = (was_inside - kept).max(0.0);
+        let entered = enter * self.elsewhere / num_places;
+        let anywhere = kidnap * (1.0 - prior_elsewhere) / num_places;
+        for moved in &mut self.moved {
+            *moved = (1.0 - kidnap) * ((1.0 - leave) * *moved + entered) + anywhere;
+        }
+        let outside = (1.0 - enter) * self.elsewhere + leave * kept + lost;
+        self.elsewhere = (1.0 - kidnap) * outside + kidnap * prior_elsewhere;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::localize::{Candidate, Decision};
+
+    const ELSEWHERE: f64 = 0.1;
+
+    fn cfg() -> LocalizerConfig {
+        LocalizerConfig::default().with_elsewhere(ELSEWHERE)
+    }
+
+    /// The answer to an image by which each place (and, last, elsewhere) has this likelihood.
+    fn answer(likelihoods: &[f64]) -> Localization {
+        let num_places = likelihoods.len() - 1;
+        let prior = |at: usize| {
+            if at == num_places {
+                ELSEWHERE
+            } else {
+                (1.0 - ELSEWHERE) / num_places as f64
+            }
+        };
+        let total: f64 = (0..=num_places).map(|at| prior(at) * likelihoods[at]).sum();
+        let posterior = |at: usize| prior(at) * likelihoods[at] / total;
+        Localization {
+            ranking: (0..num_places)
+                .map(|at| Candidate {
+                    node: NodeId(at as u32),
+                    posterior: posterior(at),
+                    score: likelihoods[at].ln(),
+                    ..Candidate::default()
+                })
+                .collect(),
+            elsewhere: posterior(num_places),
+            ..Localization::default()
+        }
+    }
+
+    /// A corridor of places, each with the next.
+    fn corridor(num_places: usize, stay: f64) -> Arc<dyn Motion> {
+        let neighbours = (0..num_places)
+            .map(|at| {
+                let near = [at.checked_sub(1), (at + 1 < num_places).then_some(at + 1)];
+                (near.into_iter().flatten())
+                    .map(|at| NodeId(at as u32))
+                    .collect()
+            })
+            .collect();
+        Arc::new(EdgeMotion { stay, neighbours })
+    }
+
+    /// Likelihoods of an image of `at` that looks like `like` as well.
+    fn seen(num_places: usize, at: usize, like: &[usize]) -> Vec<f64> {
+        let mut likelihoods = vec![0.05; num_places + 1];
+        likelihoods[at] = 3.0;
+        like.iter().for_each(|&at| likelihoods[at] = 3.0);
+        likelihoods[num_places] = 0.3;
+        likelihoods
+    }
+
+    #[test]
+    fn the_first_image_speaks_for_itself() {
+        let mut tracker = Tracker::with_motion(corridor(4, 0.5), MotionConfig::default());
+        let alone = answer(&seen(4, 2, &[0]));
+        let mut followed = alone.clone();
+        tracker.update(&cfg(), &mut followed).expect("fits");
+        for candidate in &followed.ranking {
+            let before = alone.ranking[candidate.node.0 as usize].posterior;
+            assert!((candidate.posterior - before).abs() < 1e-12);
+        }
+        assert!((followed.elsewhere - alone.elsewhere).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_way_tells_look_alike_places_apart() {
+        // Places 1 and 4 look alike; the robot comes from 0.
+        let mut tracker = Tracker::with_motion(corridor(6, 0.2), MotionConfig::default());
+        let mut first = answer(&seen(6, 0, &[]));
+        tracker.update(&cfg(), &mut first).expect("fits");
+        let mut alike = answer(&seen(6, 4, &[1]));
+        tracker.update(&cfg(), &mut alike).expect("fits");
+        assert_eq!(alike.ranking[0].node, NodeId(1));
+        assert!(alike.ranking[0].posterior > 0.8, "{tracker:?}");
+    }
+
+    #[test]
+    fn a_kidnapped_robot_is_found_again() {
+        let mut tracker = Tracker::with_motion(corridor(8, 0.2), MotionConfig::default());
+        for at in [0, 1, 2, 2, 1] {
+            tracker
+                .update(&cfg(), &mut answer(&seen(8, at, &[])))
+                .expect("fits");
+        }
+        assert!(tracker.belief()[1] > 0.9);
+        let mut images = 0;
+        while tracker.belief()[6] < 0.8 {
+            tracker
+                .update(&cfg(), &mut answer(&seen(8, 6, &[])))
+                .expect("fits");
+            images += 1;
+            assert!(images < 5, "{tracker:?}");
+        }
+        assert!(images > 1, "one image should not outweigh a way");
+    }
+
+    #[test]
+    fn what_is_not_in_the_map_stays_unknown() {
+        let mut tracker = Tracker::with_motion(corridor(5, 0.5), MotionConfig::default());
+        let nowhere = [0.1, 0.2, 0.1, 0.1, 0.1, 1.0];
+        for _ in 0..6 {
+            let mut answer = answer(&nowhere);
+            tracker.update(&cfg(), &mut answer).expect("fits");
+            assert_eq!(answer.decision, Decision::Unknown);
+        }
+        assert!(tracker.elsewhere() > 0.9);
+    }
+
+    #[test]
+    fn other_maps_and_scores_are_refused() {
+        let mut tracker = Tracker::with_motion(corridor(3, 0.5), MotionConfig::default());
+        let refused = tracker.update(&cfg(), &mut answer(&seen(4, 0, &[])));
+        assert_eq!(refused.expect_err("four places").kind(), ErrorKind::Shape);
+        let counts = cfg().with_score(crate::localize::Score::Count);
+        let refused = tracker.update(&counts, &mut answer(&seen(3, 0, &[])));
+        assert_eq!(refused.expect_err("counts").kind(), ErrorKind::Config);
+    }
+
+    #[test]
+    fn bad_numbers_are_refused_by_name() {
+        for text in ["kidnap = 0.0", "stay = 1.5", "leave = nan", "enter = -1.0"] {
+            let error = toml::from_str::<MotionConfig>(text).expect_err(text);
+            let name = text.split(' ').next().expect("a name");
+            assert!(error.to_string().contains(name), "{error}");
+        }
+        for rows in [
+            vec![vec![(NodeId(1), 0.5)]],
+            vec![vec![(NodeId(0), 0.7), (NodeId(0), 0.7)]],
+            vec![vec![(NodeId(0), f64::NAN)]],
+        ] {
+            assert!(Transitions::new(rows.clone()).is_err(), "{rows:?}");
+        }
+    }
+
+    #[test]
+    fn listed_transitions_are_those_of_the_edges() {
+        let rows = vec![
+            vec![(NodeId(0), 0.4), (NodeId(1), 0.6)],
+            vec![(NodeId(0), 0.3), (NodeId(1), 0.4), (NodeId(2), 0.3)],
+            vec![(NodeId(1), 0.6), (NodeId(2), 0.4)],
+        ];
+        let listed = Transitions::new(rows).expect("valid");
+        let belief = [0.2, 0.5, 0.1];
+        let (mut a, mut b) = ([0.0; 3], [0.0; 3]);
+        listed.advance(&belief, &mut a);
+        corridor(3, 0.4).advance(&belief, &mut b);
+        assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-15));
+    }
+
+    proptest! {
+        /// The filter against the sum over all ways through the hypotheses.
+        #[test]
+        fn beliefs_are_those_of_all_ways(
+            images in prop::collection::vec(prop::collection::vec(0.01..5.0_f64, 4), 1..4),
+            stay in 0.0..1.0_f64, kidnap in 0.001..0.5_f64, leave in 0.0..0.5_f64, enter in 0.0..1.0_f64,
+        ) {
+            let motion_cfg = MotionConfig::default()
+                .with_stay(stay).expect("valid").with_kidnap(kidnap).expect("valid")
+                .with_leave(leave).expect("valid").with_enter(enter).expect("valid");
+            let mut tracker = Tracker::with_motion(corridor(3, stay), motion_cfg);
+            // Hypotheses 0 to 2 are places, 3 is elsewhere.
+            let prior = |to: usize| if to == 3 { ELSEWHERE } else { (1.0 - ELSEWHERE) / 3.0 };
+            let along = |from: usize, to: usize| match (from, to) {
+                (from, to) if from == to => stay,
+                (1, _) => (1.0 - stay) / 2.0,
+                (_, 1) => 1.0 - stay,
+                _ => 0.0,
+            };
+            let step = |from: usize, to: usize| {
+                let by_motion = match (from, to) {
+                    (3, 3) => 1.0 - enter,
+                    (3, _) => enter / 3.0,
+                    (_, 3) => leave,
+                    _ => (1.0 - leave) * along(from, to),
+                };
+                (1.0 - kidnap) * by_motion + kidnap * prior(to)
+            };
+            let mut weights = [0.0; 4];
+            let num_ways = 4_usize.pow(images.len() as u32);
+            for way in 0..num_ways {
+                let at = |image: usize| way / 4_usize.pow(image as u32) % 4;
+                let mut weight = prior(at(0));
+                for (image, likelihoods) in images.iter().enumerate() {
+                    if image > 0 {
+                        weight *= step(at(image - 1), at(image));
+                    }
+                    weight *= likelihoods[at(image)];
+                }
+                weights[at(images.len() - 1)] += weight;
+            }
+            let total: f64 = weights.iter().sum();
+            for likelihoods in &images {
+                tracker.update(&cfg(), &mut answer(likelihoods)).expect("fits");
+            }
+            for (place, weight) in weights[..3].iter().enumerate() {
+                prop_assert!((tracker.belief()[place] - weight / total).abs() < 1e-9);
+            }
+            prop_assert!((tracker.elsewhere() - weights[3] / total).abs() < 1e-9);
+        }
+    }
+}

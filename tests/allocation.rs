@@ -122,7 +122,7 @@ fn localising_allocates_nothing_once_warm() {
     let street = street();
     for (preset, snapshot) in &street.snapshots {
         for method in Method::ALL {
-            for score in [Score::Count, Score::Inliers] {
+            for score in Score::ALL {
                 let cfg = LocalizerConfig::preset(*preset)
                     .with_method(method)
                     .with_score(score);
@@ -150,6 +150,32 @@ fn localising_allocates_nothing_once_warm() {
                 assert_eq!(out.first().map(|first| first.node), first);
             }
         }
+    }
+}
+
+#[test]
+fn a_new_time_bucket_allocates_nothing_once_warm() {
+    let street = street();
+    for (preset, snapshot) in &street.snapshots {
+        let cfg = LocalizerConfig::preset(*preset);
+        let localizer = Localizer::new(Arc::clone(snapshot), cfg).unwrap();
+        let mut scratch = localizer.scratch();
+        let mut out = Localization::default();
+        let (start, features) = &street.queries[0];
+        let mut day = |hours: std::ops::Range<i64>| {
+            for hour in hours {
+                let query = Query {
+                    features,
+                    time: Some(start.plus_us(hour * 3_600_000_000)),
+                    image_size: None,
+                };
+                localizer
+                    .localize_into(&mut scratch, &query, &mut out)
+                    .unwrap();
+            }
+        };
+        day(0..24);
+        assert_eq!(allocations(|| day(24..30)), 0, "{}", preset.name());
     }
 }
 

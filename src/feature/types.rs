@@ -1,5 +1,7 @@
 //! Images, keypoints, descriptors and features as plain data.
 
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, ErrorKind, Result};
@@ -228,12 +230,25 @@ impl Features {
     /// # Panics
     /// If an id is not below `other.len()`.
     pub fn gather(&mut self, other: &Self, ids: &[u32]) {
-        self.keypoints.clear();
+        self.truncate(0);
+        self.append(other, ids);
+    }
+
+    /// Appends the features of `other` with the given ids, in that order.
+    ///
+    /// # Panics
+    /// If an id is not below `other.len()`.
+    pub fn append(&mut self, other: &Self, ids: &[u32]) {
         self.keypoints
             .extend(ids.iter().map(|&id| other.keypoints[id as usize]));
-        self.descriptors.clear();
         self.descriptors
             .extend(ids.iter().map(|&id| other.descriptors[id as usize]));
+    }
+
+    /// Appends all features of `other`.
+    pub fn append_all(&mut self, other: &Self) {
+        self.keypoints.extend_from_slice(&other.keypoints);
+        self.descriptors.extend_from_slice(&other.descriptors);
     }
 
     /// All of them, borrowed.
@@ -264,10 +279,18 @@ impl<'a> FeaturesView<'a> {
     /// The first `len`; all, if there are fewer.
     #[must_use]
     pub fn prefix(self, len: usize) -> FeaturesView<'a> {
-        let len = len.min(self.len());
+        self.rows(0..len.min(self.len()))
+    }
+
+    /// Some that follow each other.
+    ///
+    /// # Panics
+    /// If there are no such rows.
+    #[must_use]
+    pub fn rows(self, rows: Range<usize>) -> FeaturesView<'a> {
         FeaturesView {
-            keypoints: &self.keypoints[..len],
-            descriptors: &self.descriptors[..len],
+            keypoints: &self.keypoints[rows.clone()],
+            descriptors: &self.descriptors[rows],
         }
     }
 

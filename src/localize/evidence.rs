@@ -22,7 +22,8 @@
 //! counts matches; a mixture over remembered appearances is the idea of experience-based navigation
 //! (Churchill & Newman 2013) and of FAB-MAP's place models (Cummins & Newman 2008).
 //!
-//! Cost: 4 logarithms a feature, one addition a feature and witness, one exponential a witness.
+//! Cost: 4 logarithms a feature and one addition a feature and witness for each prediction; for each
+//! image one addition a match and witness, and one exponential a witness.
 
 use super::calibration::Calibration;
 use crate::matching::{Match, Vote};
@@ -41,6 +42,9 @@ pub(super) const NO_EVIDENCE: f64 = -1000.0;
 
 /// What each feature of a predicted map or appearance would say, matched or missing; memory that is
 /// used again.
+///
+/// What an image says in which nothing matched is summed up beforehand ([`settle`](Self::settle)), so that
+/// the evidence of an image costs time for its matches only.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Expectation {
     /// Log ratio of a missing feature that the witness did not see.
@@ -52,8 +56,30 @@ pub(super) struct Expectation {
     /// One bit a witness.
     words: Vec<u64>,
     num_witnesses: usize,
-    /// Distance of the feature's match, where it is an inlier.
-    hits: Vec<Option<u16>>,
+    /// So many features take part.
+    num_settled: usize,
+    /// Their sum where all are missing, without what witnesses add.
+    nothing: f64,
+    /// What each witness adds where all are missing.
+    nothing_seen: Vec<f64>,
+}
+
+/// Features that were found, with the distance of the match; memory that is used again.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Hits(Vec<(u32, u16)>);
+
+impl Hits {
+    /// Those of the inliers among the first `len` features, ascending; of several matches of one feature
+    /// the nearest counts.
+    fn gather(&mut self, len: usize, matches: &[Match], inliers: &[bool]) -> &[(u32, u16)] {
+        self.0.clear();
+        let agreeing = (matches.iter().zip(inliers)).filter(|(_, is_inlier)| **is_inlier);
+        (self.0).extend(agreeing.map(|(found, _)| (found.map, found.distance_bits)));
+        self.0.retain(|hit| (hit.0 as usize) < len);
+        self.0.sort_unstable();
+        self.0.dedup_by_key(|hit| hit.0);
+        &self.0
+    }
 }
 
 impl Expectation {
@@ -64,6 +90,7 @@ impl Expectation {
         self.seen.clear();
         self.words.clear();
         self.num_witnesses = num_witnesses;
+        self.forget_sums();
     }
 
     /// Adds the next feature: `detection` is `p_f`, `false_rate` `q_f`, and the witnesses that saw it.
@@ -87,58 +114,78 @@ impl Expectation {
         }
     }
 
-    /// The log odds given the `matches` of the first `len` features, of which `inliers` agree on the
-    /// displacement of `vote`.
+    fn forget_sums(&mut self) {
+        self.num_settled = 0;
+        self.nothing = 0.0;
+        self.nothing_seen.clear();
+        self.nothing_seen.resize(self.num_witnesses, 0.0);
+    }
+
+    /// From now on the first `len` features take part: O(features x witnesses), or as much less as took
+    /// part before.
+    pub(super) fn settle(&mut self, len: usize) {
+        let len = len.min(self.missing.len());
+        if len < self.num_settled {
+            self.forget_sums();
+        }
+        for feature in self.num_settled..len {
+            self.nothing += self.missing[feature];
+            if self.num_witnesses > 0 {
+                add_to_seeing(
+                    &mut self.nothing_seen,
+                    self.seen[feature][0],
+                    self.words[feature],
+                );
+            }
+        }
+        self.num_settled = len;
+    }
+
+    /// The log odds given `matches`, of which `inliers` agree on the displacement of `vote`.
     pub(super) fn log_odds(
-        &mut self,
+        &self,
         calibration: &Calibration,
-        len: usize,
+        hits: &mut Hits,
         matches: &[Match],
         inliers: &[bool],
         vote: &Vote,
     ) -> f64 {
-        let len = len.min(self.missing.len());
-        self.hits.clear();
-        self.hits.resize(len, None);
-        for (found, &is_inlier) in matches.iter().zip(inliers) {
-            if is_inlier {
-                let hit = &mut self.hits[found.map as usize];
-                let nearest = hit.map_or(found.distance_bits, |d| d.min(found.distance_bits));
-                *hit = Some(nearest);
-            }
+        let hits = hits.gather(self.num_settled, matches, inliers);
+        let mut common = self.nothing;
+        if vote.num_inliers > 0 {
+            common += calibration.displacement_log_ratio(vote.median);
         }
-        let mut common = if vote.num_inliers > 0 {
-            calibration.displacement_log_ratio(vote.median)
-        } else {
-            0.0
-        };
-        for (feature, hit) in self.hits.iter().enumerate() {
-            common += self.missing[feature];
-            if let Some(distance_bits) = *hit {
-                common += self.matched[feature] + calibration.distance_log_ratio(distance_bits);
-            }
+        for &(feature, distance_bits) in hits {
+            common +=
+                self.matched[feature as usize] + calibration.distance_log_ratio(distance_bits);
         }
-        common + self.log_mean_over_witnesses(len)
+        common + self.log_mean_over_witnesses(hits)
     }
 
-    fn log_mean_over_witnesses(&self, len: usize) -> f64 {
+    fn log_mean_over_witnesses(&self, hits: &[(u32, u16)]) -> f64 {
         if self.num_witnesses == 0 {
             return 0.0;
         }
         let mut sums = [0.0; Witnesses::MAX_VISITS];
         let sums = &mut sums[..self.num_witnesses];
-        for ((hit, seen), &word) in self.hits[..len].iter().zip(&self.seen).zip(&self.words) {
-            let added = seen[usize::from(hit.is_some())];
-            for (witness, sum) in sums.iter_mut().enumerate() {
-                // A multiplication instead of a branch: the loop has no surprises for the processor.
-                *sum += added * (word >> witness & 1) as f64;
-            }
+        sums.copy_from_slice(&self.nothing_seen);
+        for &(feature, _) in hits {
+            let [missing, matched] = self.seen[feature as usize];
+            add_to_seeing(sums, matched - missing, self.words[feature as usize]);
         }
         let mut mean = LogMean::default();
         for &sum in &*sums {
             mean.push(sum);
         }
         mean.value()
+    }
+}
+
+/// Adds to the sums of those witnesses whose bit is set.
+fn add_to_seeing(sums: &mut [f64], added: f64, word: u64) {
+    for (witness, sum) in sums.iter_mut().enumerate() {
+        // A multiplication instead of a branch: the loop has no surprises for the processor.
+        *sum += added * (word >> witness & 1) as f64;
     }
 }
 
@@ -231,6 +278,7 @@ mod tests {
             for (p, q, word) in features {
                 expectation.push(p, q, word);
             }
+            expectation.settle(3);
             for pattern in 0..8_u32 {
                 let hits = [0, 1, 2].map(|f| pattern >> f & 1 == 1);
                 let matches: Vec<Match> = (0..3)
@@ -244,11 +292,46 @@ mod tests {
                     median: Displacement::default(),
                     spread: Displacement::default(),
                 };
-                let odds = expectation.log_odds(&calibration, 3, &matches, &inliers, &vote);
+                let odds = expectation.log_odds(
+                    &calibration,
+                    &mut Hits::default(),
+                    &matches,
+                    &inliers,
+                    &vote,
+                );
                 let expected = by_definition(&features, num_witnesses, &hits);
                 assert!((odds - expected).abs() < 1e-12, "{odds} {expected}");
             }
         }
+    }
+
+    #[test]
+    fn settling_again_is_settling_at_once() {
+        let calibration = Calibration::uninformed();
+        let matches = [found(0, 7), found(3, 9), found(3, 2), found(8, 1)];
+        let odds = |lens: &[usize]| {
+            let mut expectation = Expectation::default();
+            expectation.restart(3);
+            for feature in 0..10_u32 {
+                let p = 0.05 + 0.09 * f64::from(feature);
+                expectation.push(p, 0.02, u64::from(feature % 8));
+            }
+            for &len in lens {
+                expectation.settle(len);
+            }
+            let mut hits = Hits::default();
+            expectation.log_odds(
+                &calibration,
+                &mut hits,
+                &matches,
+                &[true; 4],
+                &Vote::default(),
+            )
+        };
+        let at_once = odds(&[6]);
+        assert_eq!(odds(&[2, 5, 6]), at_once);
+        assert_eq!(odds(&[10, 3, 6]), at_once);
+        assert_ne!(odds(&[10]), at_once, "feature 8 takes part");
     }
 
     #[test]
@@ -258,8 +341,11 @@ mod tests {
         expectation.restart(0);
         expectation.push(0.5, 0.01, 0);
         let vote = Vote::default();
-        let outlier = expectation.log_odds(&calibration, 1, &[found(0, 3)], &[false], &vote);
-        let nothing = expectation.log_odds(&calibration, 1, &[], &[], &vote);
+        expectation.settle(1);
+        let mut hits = Hits::default();
+        let outlier =
+            expectation.log_odds(&calibration, &mut hits, &[found(0, 3)], &[false], &vote);
+        let nothing = expectation.log_odds(&calibration, &mut hits, &[], &[], &vote);
         assert_eq!(outlier, nothing);
         assert!(nothing < 0.0);
     }

@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 use super::{LocalizerConfig, Score};
 use crate::map::NodeId;
 use crate::matching::{Match, Vote};
-use crate::predict::PredictedMap;
 use crate::time::Time;
 
 /// The answer to one query with all its evidence.
@@ -26,7 +25,8 @@ pub struct Localization {
     pub reason: Reason,
     /// Hamming distances computed.
     pub pairs_compared: u64,
-    /// The time that was predicted for.
+    /// The query's time; predicted for was the middle of its bucket
+    /// ([`LocalizerConfig::with_time_bucket_s`]).
     pub time: Option<Time>,
 }
 
@@ -280,9 +280,9 @@ impl Candidate {
         self.displacement = Vote::default();
     }
 
-    pub(super) fn predict(&mut self, map: &PredictedMap) {
-        self.predicted.extend_from_slice(map.features());
-        self.probabilities.extend_from_slice(map.probabilities());
+    pub(super) fn predict(&mut self, features: &[u32], probabilities: &[f64]) {
+        self.predicted.extend_from_slice(features);
+        self.probabilities.extend_from_slice(probabilities);
     }
 
     /// Takes over the evidence of the predicted map, or of one appearance if it is the first or says

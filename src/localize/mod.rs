@@ -30,6 +30,7 @@
 mod calibration;
 mod config;
 mod evidence;
+mod forecast;
 mod localization;
 mod sweep;
 mod tracking;
@@ -43,7 +44,8 @@ pub use sweep::{Sweep, Tally};
 pub use tracking::{EdgeMotion, Motion, MotionConfig, Tracker, Transitions};
 
 use self::calibration::as_evidence;
-use self::evidence::{Expectation, LogMean};
+use self::evidence::{Expectation, Hits, LogMean};
+use self::forecast::Forecasts;
 use crate::error::{Error, ErrorKind, Result};
 use crate::feature::{Features, FeaturesView};
 use crate::map::{AppearanceUse, Node, NodeId, Snapshot};
@@ -100,6 +102,7 @@ pub struct Localizer {
     matcher: Matcher,
     plans: Vec<Plan>,
     calibration: Option<Arc<Calibration>>,
+    forecasts: Forecasts,
 }
 
 /// Memory that a [`Localizer`] works in; owned by the caller, one a thread, used again and again.
@@ -125,6 +128,7 @@ pub struct Scratch {
 struct Verify {
     displacements: Vec<Displacement>,
     vote: VoteScratch,
+    hits: Hits,
 }
 
 impl Localizer {
@@ -178,6 +182,7 @@ impl Localizer {
             cfg,
             plans,
             calibration: None,
+            forecasts: Forecasts::default(),
         })
     }
 
@@ -190,6 +195,7 @@ impl Localizer {
     #[must_use]
     pub fn with_selection(mut self, selection: Selection) -> Self {
         self.cfg = self.cfg.with_selection(selection);
+        self.forecasts = Forecasts::default();
         self
     }
 
@@ -236,63 +242,96 @@ impl Localizer {
         let time = self.check(query)?;
         let live = query.features.view();
         out.restart(self.snapshot.nodes.len(), query.time);
-        for (id, candidate) in (0..).map(NodeId).zip(&mut out.ranking) {
-            candidate.restart(id);
-            match &self.plans[id.0 as usize] {
-                Plan::Predicted { model, witnesses } => {
-                    self.predict(scratch, id, model.as_ref(), witnesses, time);
-                    candidate.predict(&scratch.predicted);
-                    let ranked = std::mem::take(&mut scratch.ranked);
-                    out.pairs_compared +=
-                        self.verify(scratch, candidate, None, ranked.view(), live);
-                    scratch.ranked = ranked;
-                }
-                plan @ Plan::Appearances { .. } => {
-                    plan.visits_into(time, &mut scratch.likely, &mut scratch.visits);
-                    let visits = std::mem::take(&mut scratch.visits);
-                    let mut odds = LogMean::default();
-                    for &visit in &visits {
-                        let ranked = self.appearance(id, visit, self.largest_size());
-                        self.expect_appearance(&mut scratch.expectation, id, visit, ranked.len());
-                        out.pairs_compared +=
-                            self.verify(scratch, candidate, Some(visit), ranked, live);
-                        odds.push(candidate.last_log_odds);
-                    }
-                    candidate.settle(self.cfg.score(), odds.value());
-                    scratch.visits = visits;
-                }
-            }
+        if self.predicts() {
+            self.look_for_predicted(scratch, time, live, out);
+        } else {
+            self.look_for_appearances(scratch, time, live, out);
         }
         self.weigh(scratch, out);
         out.decide(&self.cfg);
         Ok(())
     }
 
-    /// Matches one predicted map or appearance with the live image, and takes over what it says;
-    /// returns the number of Hamming distances.
-    fn verify(
+    /// Whether places are matched by predicted maps, and not by remembered appearances.
+    fn predicts(&self) -> bool {
+        matches!(self.cfg.method(), Method::Static | Method::Fremen)
+    }
+
+    /// Matches the predicted map of each place with the live image.
+    fn look_for_predicted(
         &self,
         scratch: &mut Scratch,
-        candidate: &mut Candidate,
-        visit: Option<u32>,
-        ranked: FeaturesView<'_>,
+        time: Time,
         live: FeaturesView<'_>,
-    ) -> u64 {
-        let Scratch {
-            matching,
-            matches,
-            verify,
-            expectation,
-            ..
-        } = scratch;
-        self.matcher.matches_into(matching, ranked, live, matches);
+        out: &mut Localization,
+    ) {
+        let forecast = self.forecast(&mut scratch.predicted, time);
+        for (id, candidate) in (0..).map(NodeId).zip(&mut out.ranking) {
+            candidate.restart(id);
+            candidate.predict(forecast.ids(id), forecast.probabilities(id));
+            let (ranked, expectation) = (forecast.features(id), forecast.expectation(id));
+            out.pairs_compared += (ranked.len() * live.len()) as u64;
+            let (matching, matches) = (&mut scratch.matching, &mut scratch.matches);
+            self.matcher.matches_into(matching, ranked, live, matches);
+            let verify = &mut scratch.verify;
+            self.hear(
+                candidate,
+                verify,
+                None,
+                (ranked, live),
+                matches,
+                expectation,
+            );
+        }
+    }
+
+    /// Matches the remembered appearances of each place with the live image.
+    fn look_for_appearances(
+        &self,
+        scratch: &mut Scratch,
+        time: Time,
+        live: FeaturesView<'_>,
+        out: &mut Localization,
+    ) {
+        for (id, candidate) in (0..).map(NodeId).zip(&mut out.ranking) {
+            candidate.restart(id);
+            let plan = &self.plans[id.0 as usize];
+            plan.visits_into(time, &mut scratch.likely, &mut scratch.visits);
+            let mut odds = LogMean::default();
+            for &visit in &scratch.visits {
+                let ranked = self.appearance(id, visit, self.largest_size());
+                out.pairs_compared += (ranked.len() * live.len()) as u64;
+                let (matching, matches) = (&mut scratch.matching, &mut scratch.matches);
+                self.matcher.matches_into(matching, ranked, live, matches);
+                let expectation = &mut scratch.expectation;
+                self.expect_appearance(expectation, id, visit, ranked.len());
+                let (verify, expectation) = (&mut scratch.verify, Some(&*expectation));
+                let sides = (ranked, live);
+                self.hear(candidate, verify, Some(visit), sides, matches, expectation);
+                odds.push(candidate.last_log_odds);
+            }
+            candidate.settle(self.cfg.score(), odds.value());
+        }
+    }
+
+    /// Verifies the matches of one predicted map or appearance with the live image, and takes over what
+    /// they say.
+    fn hear(
+        &self,
+        candidate: &mut Candidate,
+        verify: &mut Verify,
+        visit: Option<u32>,
+        (ranked, live): (FeaturesView<'_>, FeaturesView<'_>),
+        matches: &[Match],
+        expectation: Option<&Expectation>,
+    ) {
         let vote = verify.vote(&self.cfg, matches, ranked, live);
         let inliers = verify.vote.inliers();
-        let log_odds = self.calibration.as_ref().map_or(0.0, |calibration| {
-            expectation.log_odds(calibration, ranked.len(), matches, inliers, &vote)
+        let known = self.calibration.as_deref().zip(expectation);
+        let log_odds = known.map_or(0.0, |(calibration, expectation)| {
+            expectation.log_odds(calibration, &mut verify.hits, matches, inliers, &vote)
         });
         candidate.hear(&self.cfg, visit, matches, inliers, &vote, log_odds);
-        (ranked.len() * live.len()) as u64
     }
 
     /// Gives every place its posterior.
@@ -341,7 +380,8 @@ impl Localizer {
         }
     }
 
-    /// The query's time (or the epoch, for methods that do without), if the query fits the map.
+    /// The time that is predicted for, if the query fits the map: the middle of its bucket, or the epoch
+    /// for methods that do without.
     fn check(&self, query: &Query<'_>) -> Result<Time> {
         if let (Some(live), Some(map)) = (query.image_size, self.snapshot.meta.image_size)
             && live != map
@@ -356,7 +396,7 @@ impl Localizer {
             .with_help("crop or scale the image as the map's images were"));
         }
         match query.time {
-            Some(time) => Ok(time),
+            Some(time) => Ok(self.middle_of_bucket(time)),
             None if self.cfg.method().needs_time() => Err(Error::new(
                 ErrorKind::Time,
                 format!("method `{}` needs the time of the image", self.cfg.method()),
@@ -366,20 +406,7 @@ impl Localizer {
         }
     }
 
-    /// Predicts the configured part of a place, gathers its features in order and notes what each
-    /// would say.
-    fn predict(
-        &self,
-        scratch: &mut Scratch,
-        id: NodeId,
-        model: &dyn VisibilityModel,
-        witnesses: &Witnesses,
-        time: Time,
-    ) {
-        self.predict_part(scratch, id, model, witnesses, time, self.cfg.selection());
-    }
-
-    /// The same for another part.
+    /// Predicts a part of a place, gathers its features in order and notes what each would say.
     fn predict_part(
         &self,
         scratch: &mut Scratch,
@@ -389,7 +416,8 @@ impl Localizer {
         time: Time,
         selection: Selection,
     ) {
-        self.choose(scratch, model, witnesses, time, selection);
+        let predicted = &mut scratch.predicted;
+        self.choose(predicted, model, witnesses, time, selection);
         let features = &self.snapshot.node(id).features;
         scratch
             .ranked
@@ -407,13 +435,12 @@ impl Localizer {
     /// Chooses the features of a place that should be visible.
     fn choose(
         &self,
-        scratch: &mut Scratch,
+        predicted: &mut PredictedMap,
         model: &dyn VisibilityModel,
         witnesses: &Witnesses,
         time: Time,
         selection: Selection,
     ) {
-        let predicted = &mut scratch.predicted;
         match self.cfg.choice() {
             Choice::Likeliest => predicted.predict(model, time, selection),
             Choice::Covering => predicted.predict_covering(model, time, selection, witnesses),
@@ -424,6 +451,7 @@ impl Localizer {
     fn expect_appearance(&self, expectation: &mut Expectation, id: NodeId, visit: u32, len: usize) {
         if let Some(calibration) = &self.calibration {
             calibration.expect_appearance(expectation, id, visit, len);
+            expectation.settle(len);
         }
     }
 

@@ -225,7 +225,8 @@ impl Localizer {
                 inliers: vote.num_inliers,
                 log_odds: self.calibration.as_ref().map_or(0.0, |calibration| {
                     let inliers = verify.vote.inliers();
-                    expectation.log_odds(calibration, sizes[size], matches, inliers, &vote)
+                    expectation.settle(sizes[size]);
+                    expectation.log_odds(calibration, &mut verify.hits, matches, inliers, &vote)
                 }),
             };
         });

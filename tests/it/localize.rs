@@ -172,6 +172,43 @@ fn the_answer_does_not_depend_on_what_was_asked_before() {
 }
 
 #[test]
+fn images_of_one_time_bucket_get_one_prediction_whatever_came_before() {
+    let cfg = LocalizerConfig::default().with_time_bucket_s(3600);
+    let [warm, cold] =
+        [(); 2].map(|()| Localizer::new(snapshot(Preset::Default), cfg.clone()).expect("map fits"));
+    let mut scratch = warm.scratch();
+    let seen = &street().query[0];
+    let middle = cfg.middle_of_bucket(seen.entry.time);
+    let at = |s: i64| Query {
+        time: Some(middle.plus_us(s * 1_000_000)),
+        ..query(seen)
+    };
+    let expected = cold.localize(&mut cold.scratch(), &at(0)).expect("fits");
+    // Other buckets in between, more than are kept; one prepared beforehand, on other threads.
+    for s in [-1800, 5000, 1799, 20_000, -7, 90_000, 0] {
+        warm.anticipate(middle.plus_us(s * 1_000_000));
+        let mut found = warm.localize(&mut scratch, &at(s)).expect("fits");
+        if (-1800..1800).contains(&s) {
+            assert_eq!(found.time, at(s).time);
+            found.time = expected.time;
+            assert_eq!(found, expected, "{s} s");
+        }
+    }
+    // Without buckets, every moment has its own.
+    let exact = cfg.with_time_bucket_s(0);
+    let exact = Localizer::new(snapshot(Preset::Default), exact).expect("map fits");
+    let found = exact.localize(&mut scratch, &at(0)).expect("fits");
+    assert_eq!(found, expected);
+    let model = exact.model(found.ranking[0].node).expect("a model");
+    let found = exact.localize(&mut scratch, &at(1799)).expect("fits");
+    let first = &found.ranking[0];
+    for (&feature, &p) in first.predicted.iter().zip(&first.probabilities) {
+        let time = at(1799).time.expect("given");
+        assert!((model.predict_one(feature as usize, time) - p).abs() < 1e-12);
+    }
+}
+
+#[test]
 fn evidence_adds_up() {
     for method in [Method::Fremen, Method::Experience] {
         let localizer = localizer(Preset::Default, method);

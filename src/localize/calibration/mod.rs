@@ -35,7 +35,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::evidence::{Expectation, LogMean};
+use super::evidence::{Expectation, Hits, LogMean};
 use super::{Localizer, Method, Plan, Score, Scratch};
 use crate::error::Result;
 use crate::feature::{Features, FeaturesView};
@@ -401,7 +401,7 @@ impl Calibration {
 
     fn learn_tempers(&mut self, images: &[Image], trials: &[Trial]) {
         let mut asked: Vec<[Vec<Asked>; Score::ALL.len()]> = vec![Default::default(); SIZES.len()];
-        let mut expectation = Expectation::default();
+        let mut memory = <(Expectation, Hits)>::default();
         for (image, trials) in images
             .iter()
             .zip(trials.chunk_by(|a, b| a.image == b.image))
@@ -415,7 +415,7 @@ impl Calibration {
                 }
                 for trial in trials {
                     let is_own = image.node == trial.node;
-                    let scores = self.scores(&mut expectation, trial, is_own, size);
+                    let scores = self.scores(&mut memory, trial, is_own, size);
                     for (asked, score) in asked.iter_mut().zip(scores) {
                         let Some(asked) = asked.last_mut() else {
                             continue;
@@ -439,7 +439,7 @@ impl Calibration {
     /// What a trial scores as evidence, for each score.
     fn scores(
         &self,
-        expectation: &mut Expectation,
+        (expectation, hits): &mut (Expectation, Hits),
         trial: &Trial,
         is_own: bool,
         size: usize,
@@ -471,7 +471,8 @@ impl Calibration {
                 ..Vote::default()
             };
             let all = vec![true; found.inliers.len()];
-            odds.push(expectation.log_odds(self, SIZES[size], &found.inliers, &all, &vote));
+            expectation.settle(SIZES[size]);
+            odds.push(expectation.log_odds(self, hits, &found.inliers, &all, &vote));
         }
         Score::ALL.map(|score| match score {
             Score::Count => f64::from(count),
@@ -705,7 +706,8 @@ impl Localizer {
             Plan::Predicted { model, witnesses } => {
                 // What was born in the held-out visits is left out, so more has to be asked for.
                 let selection = Selection::Top(if own.is_some() { 2 * most } else { most });
-                self.choose(scratch, model.as_ref(), witnesses, image.time, selection);
+                let predicted = &mut scratch.predicted;
+                self.choose(predicted, model.as_ref(), witnesses, image.time, selection);
                 let predicted = &scratch.predicted;
                 let is_known = |feature: u32| {
                     own.is_none_or(|own| {

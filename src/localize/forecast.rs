@@ -1,0 +1,260 @@
+//! What should be visible at every place now?
+//!
+//! Visibility changes over hours, images come ten a second. So time is cut into buckets, and everything that
+//! depends on the time but not on the image is worked out once a bucket: which features are predicted at
+//! each place, where they are, what they look like, and what each says if it is matched or missing. All of
+//! it is laid out place after place, as matching reads it.
+//!
+//! A [`Forecast`] is always made for the *middle* of its bucket, so an answer depends on the bucket of its
+//! time and never on what was asked before. [`Forecasts`] keeps the last two: now, and the bucket to come
+//! ([`Localizer::anticipate`]) or just gone. They belong to the localizer and not to each thread's
+//! [`Scratch`](super::Scratch), because in a large map a forecast takes a second to make and over 100 bytes
+//! a predicted feature to hold; threads share it behind an `Arc`. The lock is held to look it up, never
+//! while one is made: two threads that need the same new forecast at the same moment both make it, and
+//! make the same.
+//!
+//! Cost: what predicting costs, once a bucket; a lock and a reference count a query. Memory of a forecast
+//! that nobody holds any more is used for the next one, so a thread alone allocates nothing once warm.
+
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rayon::prelude::*;
+
+use super::evidence::Expectation;
+use super::{Localizer, Plan};
+use crate::feature::{Features, FeaturesView};
+use crate::map::NodeId;
+use crate::predict::PredictedMap;
+use crate::time::Time;
+
+/// Forecasts that are kept: now and next.
+const NUM_KEPT: usize = 2;
+/// Places that one thread predicts at a time.
+const PLACES_PER_TASK: usize = 64;
+
+/// The predicted maps of all places at one time.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Forecast {
+    time: Time,
+    /// Where the features of each place end.
+    ends: Vec<usize>,
+    /// Ids within the place.
+    ids: Vec<u32>,
+    probabilities: Vec<f64>,
+    features: Features,
+    /// What they would say, place by place; empty without calibration.
+    expectations: Vec<Expectation>,
+}
+
+impl Forecast {
+    /// Where the features of a place are among those of all.
+    fn rows(&self, node: usize) -> Range<usize> {
+        let start = node.checked_sub(1).map_or(0, |before| self.ends[before]);
+        start..self.ends[node]
+    }
+
+    /// Ids within the place of its predicted features, in order of choice.
+    pub(super) fn ids(&self, node: NodeId) -> &[u32] {
+        &self.ids[self.rows(node.0 as usize)]
+    }
+
+    /// p(t) of each.
+    pub(super) fn probabilities(&self, node: NodeId) -> &[f64] {
+        &self.probabilities[self.rows(node.0 as usize)]
+    }
+
+    /// The predicted features of a place.
+    pub(super) fn features(&self, node: NodeId) -> FeaturesView<'_> {
+        self.features.view().rows(self.rows(node.0 as usize))
+    }
+
+    /// What the features of a place say; `None` without calibration.
+    pub(super) fn expectation(&self, node: NodeId) -> Option<&Expectation> {
+        self.expectations.get(node.0 as usize)
+    }
+
+    /// Predicts the given places of `localizer`, in place of what was there.
+    fn make(
+        &mut self,
+        localizer: &Localizer,
+        predicted: &mut PredictedMap,
+        time: Time,
+        nodes: Range<usize>,
+    ) {
+        self.time = time;
+        self.ends.clear();
+        self.ids.clear();
+        self.probabilities.clear();
+        self.features.truncate(0);
+        let num_expected = localizer.calibration.as_ref().map_or(0, |_| nodes.len());
+        (self.expectations).resize_with(num_expected, Expectation::default);
+        for (index, node) in nodes.enumerate() {
+            if let Plan::Predicted { model, witnesses } = &localizer.plans[node] {
+                let selection = localizer.cfg.selection();
+                localizer.choose(predicted, model.as_ref(), witnesses, time, selection);
+                let id = NodeId(node as u32);
+                (self.ids).extend_from_slice(predicted.features());
+                (self.probabilities).extend_from_slice(predicted.probabilities());
+                (self.features).append(&localizer.snapshot.node(id).features, predicted.features());
+                if let Some(calibration) = &localizer.calibration {
+                    let expectation = &mut self.expectations[index];
+                    calibration.expect_predicted(expectation, id, predicted, witnesses);
+                    expectation.settle(predicted.len());
+                }
+            }
+            self.ends.push(self.ids.len());
+        }
+    }
+
+    /// Puts the places of `next` behind its own.
+    fn append(&mut self, next: Self) {
+        let start = self.ids.len();
+        self.ends.extend(next.ends.iter().map(|end| start + end));
+        self.ids.extend_from_slice(&next.ids);
+        self.probabilities.extend_from_slice(&next.probabilities);
+        self.features.append_all(&next.features);
+        self.expectations.extend(next.expectations);
+    }
+}
+
+/// The last forecasts of one localizer, latest used last.
+#[derive(Debug, Default)]
+pub(super) struct Forecasts(Mutex<Vec<Arc<Forecast>>>);
+
+impl Forecasts {
+    fn get(&self, time: Time) -> Option<Arc<Forecast>> {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let at = kept.iter().position(|forecast| forecast.time == time)?;
+        kept[at..].rotate_left(1);
+        kept.last().cloned()
+    }
+
+    /// One to write to: the longest unused if nobody holds it, else a new one.
+    fn take(&self) -> Arc<Forecast> {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if kept.len() >= NUM_KEPT {
+            let mut oldest = kept.remove(0);
+            if Arc::get_mut(&mut oldest).is_some() {
+                return oldest;
+            }
+        }
+        Arc::default()
+    }
+
+    fn keep(&self, forecast: &Arc<Forecast>) {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        // Another thread may have made the same meanwhile.
+        kept.retain(|other| other.time != forecast.time);
+        if kept.len() >= NUM_KEPT {
+            kept.remove(0);
+        }
+        kept.push(Arc::clone(forecast));
+    }
+}
+
+impl Localizer {
+    /// Predicts all places for the time bucket of `time` beforehand, on the threads of the caller's rayon
+    /// pool, so that the first image in that bucket need not wait for it.
+    ///
+    /// Answers are the same without. A robot that must not miss a frame calls this from another thread
+    /// with the time of its next bucket; the last two buckets are kept.
+    pub fn anticipate(&self, time: Time) {
+        let time = self.middle_of_bucket(time);
+        if !self.predicts() || self.forecasts.get(time).is_some() {
+            return;
+        }
+        let num_nodes = self.plans.len();
+        let parts: Vec<Forecast> = (0..num_nodes.div_ceil(PLACES_PER_TASK))
+            .into_par_iter()
+            .map_init(PredictedMap::new, |predicted, task| {
+                let start = task * PLACES_PER_TASK;
+                let end = (start + PLACES_PER_TASK).min(num_nodes);
+                let mut part = Forecast::default();
+                part.make(self, predicted, time, start..end);
+                part
+            })
+            .collect();
+        let mut whole = Forecast {
+            time,
+            ..Forecast::default()
+        };
+        for part in parts {
+            whole.append(part);
+        }
+        self.forecasts.keep(&Arc::new(whole));
+    }
+
+    /// The predicted maps at `time`, which is the middle of a bucket.
+    pub(super) fn forecast(&self, predicted: &mut PredictedMap, time: Time) -> Arc<Forecast> {
+        if let Some(known) = self.forecasts.get(time) {
+            return known;
+        }
+        let mut forecast = self.forecasts.take();
+        // Nobody else holds what was taken.
+        if let Some(forecast) = Arc::get_mut(&mut forecast) {
+            forecast.make(self, predicted, time, 0..self.plans.len());
+        }
+        self.forecasts.keep(&forecast);
+        forecast
+    }
+
+    /// The time that is predicted for at `time`.
+    pub(super) fn middle_of_bucket(&self, time: Time) -> Time {
+        if self.cfg.method().needs_time() {
+            self.cfg.middle_of_bucket(time)
+        } else {
+            Time::default()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(s: i64) -> Arc<Forecast> {
+        Arc::new(Forecast {
+            time: Time::from_s(s),
+            ..Forecast::default()
+        })
+    }
+
+    #[test]
+    fn the_last_two_used_are_kept_and_memory_is_used_again() {
+        let forecasts = Forecasts::default();
+        let [first, second, third] = [1, 2, 3].map(at);
+        forecasts.keep(&first);
+        forecasts.keep(&second);
+        let again = forecasts.get(Time::from_s(1)).expect("kept");
+        assert!(Arc::ptr_eq(&again, &first));
+        forecasts.keep(&third);
+        assert!(forecasts.get(Time::from_s(2)).is_none(), "unused longest");
+        assert!(forecasts.get(Time::from_s(1)).is_some());
+        // The third is the oldest now; it is held here, so it must not be written to.
+        assert!(!Arc::ptr_eq(&forecasts.take(), &third));
+        drop((first, again));
+        forecasts.keep(&third);
+        let mut free = forecasts.take();
+        assert_eq!(free.time, Time::from_s(1), "its memory");
+        assert!(Arc::get_mut(&mut free).is_some());
+    }
+
+    #[test]
+    fn parts_put_together_are_the_whole() {
+        let part = |range: Range<u32>| Forecast {
+            ends: range
+                .clone()
+                .map(|end| end as usize + 1 - range.start as usize)
+                .collect(),
+            ids: range.clone().collect(),
+            probabilities: range.clone().map(f64::from).collect(),
+            ..Forecast::default()
+        };
+        let mut whole = part(0..3);
+        whole.append(part(3..5));
+        assert_eq!(whole.ends, [1, 2, 3, 4, 5]);
+        assert_eq!(whole.ids(NodeId(3)), [3]);
+        assert_eq!(whole.probabilities(NodeId(4)), [4.0]);
+    }
+}

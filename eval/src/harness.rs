@@ -637,7 +637,7 @@ fn ask(
     let reobserved = match truth {
         // By the most likely features, as in the papers, so once for each model.
         Some(node)
-            if matches!(localizer.cfg().method(), Method::Static | Method::Fremen)
+            if localizer.cfg().method().predicts()
                 && localizer.cfg().choice() == Choice::Likeliest =>
         {
             let selected = localizer.snapshot().node(node).features.len().min(TOP);

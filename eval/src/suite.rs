@@ -144,7 +144,7 @@ pub struct Arm {
     pub methods: Vec<Method>,
     /// What places are ranked by.
     pub scores: Vec<Score>,
-    /// The models of `fremen`; the first one, at its first order, also serves `freex`.
+    /// The models of `fremen`; the first one, at its first order, also serves `fused` and `freex`.
     #[serde(default)]
     pub models: Vec<Model>,
     /// Where given, the time of a place's i-th visit is i times this many seconds, as in the reference
@@ -289,7 +289,7 @@ impl Arm {
                         self.predicting(&mut runs, &cfg, &model.name, order as u32);
                     }
                 }
-                Method::Freex => {
+                Method::Fused | Method::Freex => {
                     runs.extend(self.models_and_orders().take(1).map(|(model, order)| {
                         let cfg = base.clone().with_visibility(model.visibility(&base, order));
                         Run {

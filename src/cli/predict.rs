@@ -50,7 +50,7 @@ pub(super) fn run(args: &PredictArgs, out: &mut Output) -> Result<Outcome> {
     if let Some(n) = args.n {
         config.localize = config.localize.with_selection(Selection::top(n)?);
     }
-    if !matches!(config.localize.method(), Method::Static | Method::Fremen) {
+    if !config.localize.method().predicts() {
         config.localize = config.localize.with_method(Method::Fremen);
     }
     if args.config.print_config {

@@ -16,6 +16,9 @@ pub enum Method {
     Static,
     /// The n features most likely visible at the query's time (T-RO 2017 VII).
     Fremen,
+    /// The n features that are likely at the query's time and cover those past appearances that are likely
+    /// then: predicted features of predicted experiences, under one budget.
+    Fused,
     /// The n strongest features of each of its experiences: appearances that were added because
     /// localisation with the ones so far had failed (Churchill & Newman as in T-RO 2017 VII-A).
     Experience,
@@ -27,9 +30,10 @@ pub enum Method {
 
 impl Method {
     /// Every method, in the order of tables.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Static,
         Self::Fremen,
+        Self::Fused,
         Self::Experience,
         Self::ExperienceAll,
         Self::Freex,
@@ -40,6 +44,7 @@ impl Method {
         match self {
             Self::Static => "static",
             Self::Fremen => "fremen",
+            Self::Fused => "fused",
             Self::Experience => "experience",
             Self::ExperienceAll => "experience-all",
             Self::Freex => "freex",
@@ -48,7 +53,12 @@ impl Method {
 
     /// Whether the answer depends on the query's time.
     pub const fn needs_time(self) -> bool {
-        matches!(self, Self::Fremen | Self::Freex)
+        matches!(self, Self::Fremen | Self::Fused | Self::Freex)
+    }
+
+    /// Whether a place is matched by a predicted map, and not by remembered appearances.
+    pub const fn predicts(self) -> bool {
+        matches!(self, Self::Static | Self::Fremen | Self::Fused)
     }
 }
 

@@ -56,6 +56,8 @@ pub(super) struct Expectation {
     /// One bit a witness.
     words: Vec<u64>,
     num_witnesses: usize,
+    /// ln of how much each witness counts, which is 1 on average; nothing where all count alike.
+    log_weights: Vec<f64>,
     /// So many features take part.
     num_settled: usize,
     /// Their sum where all are missing, without what witnesses add.
@@ -90,6 +92,15 @@ impl Expectation {
         self.seen.clear();
         self.words.clear();
         self.num_witnesses = num_witnesses;
+        self.log_weights.clear();
+        self.forget_sums();
+    }
+
+    /// Starts over with witnesses that count as much as `likeness` says; alike, where it says nothing.
+    pub(super) fn restart_weighted(&mut self, num_witnesses: usize, likeness: &[f64]) {
+        self.restart(num_witnesses);
+        let mean = likeness.iter().sum::<f64>() / likeness.len().max(1) as f64;
+        (self.log_weights).extend(likeness.iter().map(|likeness| (likeness / mean).ln()));
         self.forget_sums();
     }
 
@@ -118,6 +129,7 @@ impl Expectation {
         self.num_settled = 0;
         self.nothing = 0.0;
         self.nothing_seen.clear();
+        self.nothing_seen.extend_from_slice(&self.log_weights);
         self.nothing_seen.resize(self.num_witnesses, 0.0);
     }
 

@@ -254,7 +254,7 @@ impl Localizer {
 
     /// Whether places are matched by predicted maps, and not by remembered appearances.
     fn predicts(&self) -> bool {
-        matches!(self.cfg.method(), Method::Static | Method::Fremen)
+        self.cfg.method().predicts()
     }
 
     /// Matches the predicted map of each place with the live image.
@@ -442,6 +442,9 @@ impl Localizer {
         selection: Selection,
     ) {
         match self.cfg.choice() {
+            _ if self.cfg.method() == Method::Fused => {
+                predicted.predict_fused(model, time, selection, witnesses);
+            }
             Choice::Likeliest => predicted.predict(model, time, selection),
             Choice::Covering => predicted.predict_covering(model, time, selection, witnesses),
         }
@@ -486,7 +489,7 @@ impl Plan {
                 .collect()
         };
         Ok(match cfg.method() {
-            Method::Static | Method::Fremen => Self::Predicted {
+            Method::Static | Method::Fremen | Method::Fused => Self::Predicted {
                 model: fit(&cfg.model(), &node.log)?,
                 witnesses: Witnesses::of(&node.log, Visits::All)?,
             },

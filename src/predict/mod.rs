@@ -107,6 +107,8 @@ pub struct PredictedMap {
     keys: Vec<Key>,
     /// Features that a covering choice has not taken yet, with what each would add.
     gains: Vec<u64>,
+    /// How much each witness counts; nothing where all count alike.
+    likeness: Vec<f64>,
 }
 
 impl PartialEq for PredictedMap {
@@ -118,15 +120,21 @@ impl PartialEq for PredictedMap {
 /// How well each visit is covered by the features chosen so far.
 struct Cover {
     counts: [u32; Witnesses::MAX_VISITS],
+    /// While nothing is chosen.
+    initial: [f64; Witnesses::MAX_VISITS],
     weights: [f64; Witnesses::MAX_VISITS],
     num_visits: usize,
 }
 
 impl Cover {
-    fn new(num_visits: usize) -> Self {
+    /// Of so many visits, which count as much as `likeness` says, or alike where it says nothing.
+    fn new(num_visits: usize, likeness: &[f64]) -> Self {
+        let mut initial = [1.0; Witnesses::MAX_VISITS];
+        initial[..likeness.len()].copy_from_slice(likeness);
         Self {
             counts: [0; Witnesses::MAX_VISITS],
-            weights: [1.0; Witnesses::MAX_VISITS],
+            initial,
+            weights: initial,
             num_visits,
         }
     }
@@ -149,7 +157,8 @@ impl Cover {
     fn add(&mut self, seen: u64) {
         for visit in bits(seen) {
             self.counts[visit] += 1;
-            self.weights[visit] = 1.0 / (1.0 + f64::from(self.counts[visit]) / COVERING_SATURATION);
+            self.weights[visit] =
+                self.initial[visit] / (1.0 + f64::from(self.counts[visit]) / COVERING_SATURATION);
         }
     }
 }
@@ -175,6 +184,10 @@ impl PredictedMap {
     /// Buffers are reused: no allocation once they have grown to the place's size.
     pub fn predict(&mut self, model: &dyn VisibilityModel, time: Time, selection: Selection) {
         self.shortlist(model, time, selection);
+        self.order_by_likelihood();
+    }
+
+    fn order_by_likelihood(&mut self) {
         self.keys.sort_unstable();
         self.features.clear();
         self.features.extend(self.keys.iter().map(|&(_, id)| id));
@@ -183,6 +196,7 @@ impl PredictedMap {
 
     /// Leaves the keys of the selected features in `keys`, in any order.
     fn shortlist(&mut self, model: &dyn VisibilityModel, time: Time, selection: Selection) {
+        self.likeness.clear();
         self.scores.clear();
         self.scores.resize(model.num_features(), 0.0);
         model.score_into(time, &mut self.scores);
@@ -233,18 +247,59 @@ impl PredictedMap {
         selection: Selection,
         witnesses: &Witnesses,
     ) {
+        self.shortlist_to_cover(model, time, selection, witnesses);
+        self.cover(selection, witnesses);
+    }
+
+    /// Predicted features of predicted experiences: like [`predict_covering`](Self::predict_covering),
+    /// but each visit counts as much as it is likely to be seen again now ([`Witnesses::likeness`]), in
+    /// the choice and in [`likeness`](Self::likeness).
+    ///
+    /// # Panics
+    /// If `witnesses` are of a place with another number of features.
+    pub fn predict_fused(
+        &mut self,
+        model: &dyn VisibilityModel,
+        time: Time,
+        selection: Selection,
+        witnesses: &Witnesses,
+    ) {
+        self.shortlist_to_cover(model, time, selection, witnesses);
+        witnesses.likeness_into(&self.scores, &mut self.likeness);
+        self.cover(selection, witnesses);
+    }
+
+    /// Leaves what may be chosen in `keys`, and all visits alike.
+    fn shortlist_to_cover(
+        &mut self,
+        model: &dyn VisibilityModel,
+        time: Time,
+        selection: Selection,
+        witnesses: &Witnesses,
+    ) {
+        assert_eq!(witnesses.seen().len(), model.num_features());
+        let selection = match selection {
+            Selection::Top(n) => Selection::Top(COVERING_POOL.max(n)),
+            all @ Selection::Threshold(_) => all,
+        };
+        self.shortlist(model, time, selection);
+    }
+
+    /// Chooses from `keys`.
+    fn cover(&mut self, selection: Selection, witnesses: &Witnesses) {
         let Selection::Top(n) = selection else {
-            self.predict(model, time, selection);
+            self.order_by_likelihood();
             return;
         };
-        assert_eq!(witnesses.seen().len(), model.num_features());
-        self.shortlist(model, time, Selection::Top(COVERING_POOL.max(n)));
+        let mut cover = Cover::new(witnesses.num_visits(), &self.likeness);
         let mut gains = std::mem::take(&mut self.gains);
         gains.clear();
-        gains.extend((self.keys.iter()).map(|&(_, id)| gain(self.scores[id as usize], id)));
+        gains.extend((self.keys.iter()).map(|&(_, id)| {
+            let weight = cover.weight(witnesses.seen()[id as usize]);
+            gain(self.scores[id as usize] * weight, id)
+        }));
         let mut gains = BinaryHeap::from(gains);
         self.features.clear();
-        let mut cover = Cover::new(witnesses.num_visits());
         while self.features.len() < n
             && let Some(stale) = gains.pop()
         {
@@ -287,6 +342,11 @@ impl PredictedMap {
     /// p(t) of each of [`features`](Self::features), in [0, 1].
     pub fn probabilities(&self) -> &[f64] {
         &self.probabilities
+    }
+
+    /// How much each witness counted, at most 1; nothing where all counted alike.
+    pub fn likeness(&self) -> &[f64] {
+        &self.likeness
     }
 
     /// How many features are predicted.

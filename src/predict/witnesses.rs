@@ -13,6 +13,9 @@
 use crate::error::Result;
 use crate::visibility::{HistoryLog, Visits};
 
+/// No visit counts less than this share of the likeliest, so that none is ruled out.
+const LEAST_LIKENESS: f64 = 1e-3;
+
 /// What some visits of one place saw.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Witnesses {
@@ -39,6 +42,35 @@ impl Witnesses {
             seen,
             num_visits: count,
         })
+    }
+
+    /// How likely each visit's appearance is now, against the likeliest: `(m_v / max m)^2`, where `m_v` is
+    /// the mean of `scores` (p of every feature at the time), within [0, 1], over the features that v saw.
+    ///
+    /// The idea of FreEx (T-RO 2017 VII-A), with a place's features to say which visits are like now
+    /// instead of a spectrum for each experience. Cost: O(features x visits).
+    ///
+    /// # Panics
+    /// If there is not one score for each feature.
+    pub fn likeness_into(&self, scores: &[f64], out: &mut Vec<f64>) {
+        assert_eq!(scores.len(), self.seen.len());
+        let mut sums = [0.0; Self::MAX_VISITS];
+        let mut counts = [0.0; Self::MAX_VISITS];
+        for (&word, &score) in self.seen.iter().zip(scores) {
+            let p = score.clamp(0.0, 1.0);
+            for (visit, (sum, count)) in sums.iter_mut().zip(&mut counts).enumerate() {
+                let is_seen = (word >> visit & 1) as f64;
+                *sum += p * is_seen;
+                *count += is_seen;
+            }
+        }
+        out.clear();
+        let means = sums.iter().zip(&counts).take(self.num_visits);
+        out.extend(means.map(|(sum, count)| sum / f64::max(*count, 1.0)));
+        let most = out.iter().copied().fold(LEAST_LIKENESS, f64::max);
+        for likeness in out.iter_mut() {
+            *likeness = (*likeness / most).powi(2).max(LEAST_LIKENESS);
+        }
     }
 
     /// How many visits testify.
@@ -84,6 +116,17 @@ mod tests {
         let chosen: Vec<usize> = (0..640).filter(|&f| witnesses.seen()[f] != 0).collect();
         assert_eq!(chosen.len(), 64);
         assert!(chosen.windows(2).all(|pair| pair[1] - pair[0] == 10));
+    }
+
+    #[test]
+    fn visits_whose_features_are_likely_now_are_like_now() {
+        let witnesses = Witnesses::of(&log(3), Visits::All).expect("fits");
+        let mut likeness = Vec::new();
+        // Each visit saw one feature.
+        witnesses.likeness_into(&[0.4, 0.8, -0.2], &mut likeness);
+        assert_eq!(likeness, [0.25, 1.0, LEAST_LIKENESS]);
+        witnesses.likeness_into(&[0.0, 0.0, 0.0], &mut likeness);
+        assert_eq!(likeness, [LEAST_LIKENESS; 3]);
     }
 
     #[test]

@@ -17,7 +17,7 @@ const RISKS: [f64; 14] = [
     0.001, 0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5,
 ];
 
-/// Probabilities are written to four digits: half of the last one.
+/// Probabilities are written to about four digits, those near one half to half of this.
 const ROUNDING: f64 = 5e-5;
 
 /// One kind of decision.
@@ -107,24 +107,15 @@ mod tests {
     use crate::results::{Answer, ELSEWHERE, Query};
     use std::collections::BTreeMap;
 
-    fn claim(confidence: f64, right: f64) -> Claim<'static> {
-        Claim {
-            group: None,
-            confidence,
-            right,
-            weight: 1.0,
-        }
-    }
-
     #[test]
     fn a_larger_risk_accepts_more_of_both_kinds() {
         let native = [
-            claim(0.99, 1.0),
-            claim(0.9, 0.0),
-            claim(0.4, 1.0),
-            claim(0.2, 1.0),
+            Claim::alone(0.99, 1.0),
+            Claim::alone(0.9, 0.0),
+            Claim::alone(0.4, 1.0),
+            Claim::alone(0.2, 1.0),
         ];
-        let curve = at_risks(&native, &[claim(0.85, 0.0), claim(0.1, 0.0)]);
+        let curve = at_risks(&native, &[Claim::alone(0.85, 0.0), Claim::alone(0.1, 0.0)]);
         let at = |risk: f64| *curve.iter().find(|point| point.risk == risk).unwrap();
         assert_eq!((at(0.01).located, at(0.01).located_wrong), (0.25, 0.0));
         assert_eq!((at(0.1).located, at(0.1).located_wrong), (0.5, 0.25));

@@ -154,24 +154,28 @@ pub fn expected_error(claims: &[Claim<'_>]) -> Measured {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    fn claim(confidence: f64, right: f64) -> Claim<'static> {
-        Claim {
+impl Claim<'static> {
+    /// One of no group.
+    pub(super) fn alone(confidence: f64, right: f64) -> Self {
+        Self {
             group: None,
             confidence,
             right,
             weight: 1.0,
         }
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
 
     #[test]
     fn four_of_five_at_80_percent_is_calibrated_and_at_90_is_not() {
         for (confidence, error) in [(0.8, 0.0), (0.9, 0.1), (0.5, 0.3)] {
             let claims: Vec<_> = (0..50)
-                .map(|i| claim(confidence, f64::from(i % 5 != 0)))
+                .map(|i| Claim::alone(confidence, f64::from(i % 5 != 0)))
                 .collect();
             let measured = expected_error(&claims);
             assert!((measured.value - error).abs() < 1e-12, "{measured:?}");
@@ -183,7 +187,7 @@ mod tests {
     fn bins_of_equal_mass_by_hand() {
         // 30 claims, so two a bin: confidence i / 30, right in the upper half.
         let claims: Vec<_> = (0..30)
-            .map(|i| claim(f64::from(i) / 30.0, f64::from(i >= 15)))
+            .map(|i| Claim::alone(f64::from(i) / 30.0, f64::from(i >= 15)))
             .collect();
         let bins = bins(&claims);
         assert_eq!(bins.len(), NUM_BINS);
@@ -208,10 +212,14 @@ mod tests {
 
     #[test]
     fn a_weight_of_two_is_the_claim_twice() {
-        let mut heavy = claim(0.9, 0.0);
+        let mut heavy = Claim::alone(0.9, 0.0);
         heavy.weight = 2.0;
-        let twice = [claim(0.9, 0.0), claim(0.9, 0.0), claim(0.4, 1.0)];
-        let once = [heavy, claim(0.4, 1.0)];
+        let twice = [
+            Claim::alone(0.9, 0.0),
+            Claim::alone(0.9, 0.0),
+            Claim::alone(0.4, 1.0),
+        ];
+        let once = [heavy, Claim::alone(0.4, 1.0)];
         assert!((error_of(&bins(&twice)) - error_of(&bins(&once))).abs() < 1e-12);
     }
 
@@ -229,7 +237,7 @@ mod tests {
             raw in prop::collection::vec((0_u8..=20, 0_u8..=1), 1..80)
         ) {
             let mut claims: Vec<_> = (raw.iter())
-                .map(|&(c, r)| claim(f64::from(c) / 20.0, f64::from(r)))
+                .map(|&(c, r)| Claim::alone(f64::from(c) / 20.0, f64::from(r)))
                 .collect();
             let forth = bins(&claims);
             claims.reverse();

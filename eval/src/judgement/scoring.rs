@@ -4,7 +4,7 @@
 //! and wrong. Log loss, `-ln p` of what is true: the truth of a foreign query is elsewhere. Both are
 //! proper: no posterior expects less than the one that says what it believes.
 //!
-//! Probabilities are written to four digits, so that a probability below [`LEAST`] is taken for it: one
+//! Shares below 0.00005 are not written, so that a probability below [`LEAST`] is taken for it: one
 //! query loses at most 9.2. Absent places count as 0.
 
 use std::collections::BTreeMap;

@@ -130,6 +130,8 @@ struct Record {
     /// Those that saw each feature; empty for an appearance.
     witnesses: Vec<u64>,
     num_witnesses: usize,
+    /// How much each of them counts; nothing where all count alike.
+    likeness: Vec<f64>,
     /// At each of [`SIZES`].
     found: [Found; SIZES.len()],
 }
@@ -178,7 +180,7 @@ impl Calibration {
         // What a feature of an appearance is worth does not depend on which appearances a method uses,
         // so that is learnt from all of them; what the scores are worth, from the method's own.
         let everything: Option<Vec<Plan>> = match localizer.cfg.method() {
-            Method::Static | Method::Fremen | Method::ExperienceAll => None,
+            Method::Static | Method::Fremen | Method::Fused | Method::ExperienceAll => None,
             Method::Experience | Method::Freex => Some(
                 (localizer.snapshot.nodes.iter())
                     .map(|node| Plan::of(node, &localizer.cfg.clone().with_method(EVERYTHING)))
@@ -255,7 +257,7 @@ impl Calibration {
         predicted: &PredictedMap,
         witnesses: &Witnesses,
     ) {
-        expectation.restart(witnesses.num_visits());
+        expectation.restart_weighted(witnesses.num_visits(), predicted.likeness());
         for &id in predicted.features() {
             let detection = self.detection_at(node, predicted.scores()[id as usize]);
             let false_rate = self.false_rate_of(node, 0, id as usize, Trials::default());
@@ -449,7 +451,7 @@ impl Calibration {
             let found = &record.found[size];
             count = count.max(found.num_matches);
             inliers = inliers.max(found.inliers.len() as u32);
-            expectation.restart(record.num_witnesses);
+            expectation.restart_weighted(record.num_witnesses, &record.likeness);
             let was_found = record.found_at(RATE_SIZE);
             for ((rank, &(feature, score)), was_found) in (record.features.iter().enumerate())
                 .take(SIZES[size])
@@ -732,6 +734,7 @@ impl Localizer {
                     features,
                     witnesses: words,
                     num_witnesses: witnesses.num_visits(),
+                    likeness: predicted.likeness().to_vec(),
                     found: self.find(scratch, ranked.view(), image),
                 });
                 scratch.ranked = ranked;
@@ -748,6 +751,7 @@ impl Localizer {
                             .collect(),
                         witnesses: Vec::new(),
                         num_witnesses: 0,
+                        likeness: Vec::new(),
                         found: self.find(scratch, ranked, image),
                     });
                 }

@@ -264,11 +264,17 @@ impl UniformSpectrum {
     /// p at `offset_us` from the start.
     fn p_at_us(&self, offset_us: i128) -> f64 {
         let cycle_us = i128::from(self.num_learnt.max(1)) * i128::from(self.step.as_us());
+        let offset_us = offset_us.rem_euclid(cycle_us);
         let mut p = self.mean();
         for triple in &self.triples {
             let (re, im) = triple.factors();
-            let turn = (offset_us.rem_euclid(cycle_us) * i128::from(triple.harmonic)) % cycle_us;
-            let (cos, sin) = unit(turn as f64 / cycle_us as f64);
+            let turns_us = offset_us * i128::from(triple.harmonic);
+            // A division of 128 bits costs more than all the rest.
+            let turn_us = match (u64::try_from(turns_us), u64::try_from(cycle_us)) {
+                (Ok(turns_us), Ok(cycle_us)) => (turns_us % cycle_us) as f64,
+                _ => (turns_us % cycle_us) as f64,
+            };
+            let (cos, sin) = unit(turn_us / cycle_us as f64);
             p += re * cos + im * sin;
         }
         p.clamp(0.0, 1.0)

@@ -3,7 +3,9 @@
 //! Every temporal model of the papers, and ours. None is tuned to a suite.
 
 use anyhow::Result;
-use chronotope::spectrum::{Balance, CandidatePeriods, LiteralFremen, Rhythms, UniformSpectrum};
+use chronotope::spectrum::{
+    Balance, CandidatePeriods, LiteralFremen, Rhythms, UniformLearner, UniformSpectrum,
+};
 use chronotope::visibility::{BitRow, HistoryLog, VisibilityConfig, VisibilityModel, Visits, fit};
 use chronotope::{Period, Time};
 
@@ -167,8 +169,9 @@ pub fn forecasts(states: &[State], wanted: impl Fn(&str) -> bool) -> Result<Vec<
     if wanted(FFT)
         && let Some((step, samples)) = uniform(states)
     {
+        let mut learner = UniformLearner::new(samples.len())?;
         for order in 0..=MAX_ORDER {
-            let spectrum = UniformSpectrum::build_with_missing(states[0].0, step, &samples, order)?;
+            let spectrum = learner.build_with_missing(states[0].0, step, &samples, order)?;
             forecasts.push(Forecast {
                 model: FFT,
                 order: Order::Fixed(order as u32),

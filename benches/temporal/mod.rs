@@ -372,10 +372,10 @@ fn transform(sizes: &Sizes, len: usize) -> Result<Comparison> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-
     #[test]
     fn both_sides_agree_on_small_sizes() {
+        use super::{Sizes, temporal};
+
         let sizes = Sizes {
             num_features: 70,
             num_visits: 60,

@@ -325,6 +325,13 @@ fn one_learner_learns_what_each_series_alone_gives() {
             let alone = UniformSpectrum::build(start, second(), &states, 3).expect("short");
             let shared = learner.build(start, second(), &states, 3).expect("fits");
             assert_eq!(shared, alone, "{len} samples");
+            let shift_us = 5_000_000_000 * SECOND + 7;
+            let later = learner.build(start.plus_us(shift_us), second(), &states, 3);
+            let later = later.expect("fits");
+            for us in [-1_000 * SECOND, 0, 3_456_789, 500 * SECOND] {
+                let time = start.plus_us(us);
+                assert_eq!(later.p(time.plus_us(shift_us)), alone.p(time), "at {us} us");
+            }
             let gaps: Vec<_> = (states.iter().enumerate())
                 .map(|(i, &state)| (i % 5 != turn).then_some(state))
                 .collect();

@@ -65,7 +65,7 @@ enum Command {
         #[arg(long, value_delimiter = ',', default_values_t = [30, 50])]
         n: Vec<u32>,
     },
-    /// Times search, extraction and whole answers next to OpenCV, `hnsw_rs` and FAISS.
+    /// Times temporal models next to plain sums; search, extraction and whole answers next to OpenCV, `hnsw_rs` and FAISS.
     Speed {
         /// A dataset's folder or manifest [default: a rendered street].
         #[arg(long)]
@@ -82,6 +82,9 @@ enum Command {
         /// A Python with OpenCV (contrib) and FAISS; `make speed` makes one.
         #[arg(long)]
         python: Option<PathBuf>,
+        /// Only temporal models next to the papers' sums written plainly.
+        #[arg(long)]
+        only_temporal: bool,
         /// Where speed.json, speed.txt and growth.svg are written.
         #[arg(long, default_value = "target/speed")]
         out: PathBuf,
@@ -170,6 +173,7 @@ fn main_of(args: Args) -> Result<()> {
             rows,
             max_hnsw_rows,
             python,
+            only_temporal,
             out,
         } => {
             let options = SpeedOptions {
@@ -178,6 +182,7 @@ fn main_of(args: Args) -> Result<()> {
                 rows,
                 max_hnsw_rows,
                 python,
+                only_temporal,
                 out,
                 command: command_line(),
             };

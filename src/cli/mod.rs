@@ -22,6 +22,7 @@ mod predict;
 mod progress;
 mod series;
 mod spectrum;
+mod spectrum_svg;
 mod student;
 mod trace;
 

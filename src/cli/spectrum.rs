@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use super::Outcome;
 use super::output::Output;
 use super::series::{Columns, Series, time_of};
+use super::spectrum_svg::{Picture, times};
 use crate::error::{Error, ErrorKind};
 use crate::spectrum::{CandidatePeriods, Component, SpectralSums};
 use crate::time::{Period, Time};
@@ -30,6 +31,7 @@ A header and further columns may be there.
 Examples:
   chronotope spectrum door.csv
   chronotope spectrum door.csv --predict-at 2024-05-06T08:30:00Z --predict-at 2024-05-06T20:00:00Z
+  chronotope spectrum door.csv --svg door.svg
   chronotope spectrum edges.csv --state-column success --base-s 86400 --count 24 --json")]
 pub(super) struct SpectrumArgs {
     /// The CSV file.
@@ -60,6 +62,9 @@ pub(super) struct SpectrumArgs {
     /// Also tell p at this time (may be given again).
     #[arg(long, value_name = "TIME", value_parser = time_of, allow_negative_numbers = true)]
     predict_at: Vec<Time>,
+    /// Also draw p(t) over the data, and the spectrum over that of the sampling, into this file.
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
     /// One JSON object.
     #[arg(long)]
     json: bool,
@@ -106,7 +111,30 @@ pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
     let order = (judged.iter())
         .find(|row| row.model == "fremen" && row.is_chosen)
         .map_or(0, |row| row.order);
-    let learnt = learn(&series.states, &candidates, order, &args.predict_at)?;
+    let drawn = match args.svg {
+        Some(_) => times(&series.states),
+        None => Vec::new(),
+    };
+    let asked = [&args.predict_at[..], &drawn].concat();
+    let mut learnt = learn(&series.states, &candidates, order, &asked)?;
+    let curves: Vec<_> = (learnt.iter_mut())
+        .map(|model| {
+            (
+                model.model,
+                model.predicted.split_off(args.predict_at.len()),
+            )
+        })
+        .collect();
+    if let Some(path) = &args.svg {
+        let picture = Picture {
+            title: args.file.display().to_string(),
+            states: &series.states,
+            times: &drawn,
+            curves: curves.iter().map(|(name, p)| (*name, &p[..])).collect(),
+            candidates: &candidates,
+        };
+        std::fs::write(path, picture.svg()).map_err(|cause| Error::io(path, &cause))?;
+    }
     if args.json {
         out.json(&as_json(args, &series, latest.len(), &judged, &learnt))?;
     } else {

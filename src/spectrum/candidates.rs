@@ -166,14 +166,19 @@ fn product((cos_a, sin_a): (f64, f64), (cos_b, sin_b): (f64, f64)) -> (f64, f64)
     (cos_a * cos_b - sin_a * sin_b, sin_a * cos_b + cos_a * sin_b)
 }
 
-/// `z^exponent` by the very products of `phasors_into`: the exponent, less one, gives up its highest
-/// bit at each step.
+/// `z^exponent` by the very products of `phasors_into`, in O(log exponent): the exponent, less one, is
+/// gathered from its lowest bit up.
 fn power(z: (f64, f64), exponent: u32) -> (f64, f64) {
-    if exponent == 1 {
-        return z;
+    let (mut gathered, mut square) = (z, z);
+    let mut rest = exponent - 1;
+    while rest > 0 {
+        if rest & 1 == 1 {
+            gathered = product(gathered, square);
+        }
+        square = product(square, square);
+        rest >>= 1;
     }
-    let highest = 1 << (exponent - 1).ilog2();
-    product(power(z, exponent - highest), power(z, highest))
+    gathered
 }
 
 fn config(message: String) -> Error {

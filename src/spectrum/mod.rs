@@ -5,7 +5,7 @@
 //! state from observations at any times ([`VisitSums`] each visit once, whoever brings it), and a [`PhasorTable`] many states that share their times;
 //! [`strongest`] selects the few rhythms that a model of order l keeps, and [`Rhythms`] is p(t).
 //! A state that was sampled at a steady rate is a [`UniformSpectrum`]: a few rhythms and an
-//! [`OutlierSet`], from which every sample can be given back.
+//! [`OutlierSet`], from which every sample can be given back; a [`UniformLearner`] makes many of them.
 //! [`HarmonicRegression`] solves for a mean and rhythms together, from sums alone.
 //! [`LiteralFremen`] repeats the papers' own update rules for comparison.
 //!
@@ -60,5 +60,5 @@ pub use rhythms::{Component, Rhythms};
 pub use select::{NEGLIGIBLE_AMPLITUDE, strongest};
 pub use sums::{MAX_OBSERVATIONS, P_UNKNOWN, PhasorTable, SpectralSums};
 pub(crate) use sums::{from_fixed, to_fixed, too_many};
-pub use uniform::{Encoding, UniformSpectrum};
+pub use uniform::{Encoding, UniformLearner, UniformSpectrum};
 pub use visits::VisitSums;

@@ -29,9 +29,14 @@ impl OutlierSet {
 
     /// Adds an index behind all others.
     pub(crate) fn push(&mut self, index: u64) {
+        self.push_interval(index, index + 1);
+    }
+
+    /// Adds the indices `[from, to)`, of which there is one at least, behind all others.
+    pub(crate) fn push_interval(&mut self, from: u64, to: u64) {
         match self.limits.last_mut() {
-            Some(end) if *end == index => *end = index + 1,
-            _ => self.limits.extend([index, index + 1]),
+            Some(end) if *end == from => *end = to,
+            _ => self.limits.extend([from, to]),
         }
     }
 
@@ -86,8 +91,9 @@ mod tests {
     fn measures_what_it_contains() {
         let inside = [0, 1, 2, 7, 8, 20];
         let mut set = OutlierSet::default();
-        for index in inside {
-            set.push(index);
+        set.push_interval(0, 2);
+        for index in &inside[2..] {
+            set.push(*index);
         }
         assert_eq!(set.limits(), [0, 3, 7, 9, 20, 21]);
         for from in 0..25 {

@@ -74,8 +74,44 @@ impl Rhythms {
         p.clamp(0.0, 1.0)
     }
 
+    /// [`p`](Self::p), bit for bit, from what [`CandidatePeriods::phasors_into`] wrote for that time; O(l).
+    ///
+    /// For many states, or many orders of one, that share their candidates.
+    ///
+    /// # Panics
+    /// If there are not two values a candidate.
+    pub fn p_of(&self, phasors: &[f64]) -> f64 {
+        let count = self.candidates.len();
+        assert_eq!(phasors.len(), 2 * count, "two values a candidate");
+        let mut p = self.mean;
+        for &(k, re, im) in &self.terms {
+            let k = usize::from(k);
+            p += re * phasors[k] + im * phasors[count + k];
+        }
+        p.clamp(0.0, 1.0)
+    }
+
     /// Whether the state is 1 with confidence `c`: `p(time) >= c` (T-RO eq. 9).
     pub fn predict(&self, time: Time, c: f64) -> bool {
         self.p(time) >= c
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::time::Period;
+
+    #[test]
+    fn shared_phasors_give_the_same_bits() {
+        let candidates = CandidatePeriods::harmonic(Period::WEEK, 168).expect("valid");
+        let terms = vec![(6, 0.21, -0.1), (0, 0.03, 0.07), (167, -0.02, 0.01)];
+        let rhythms = Rhythms::new(candidates.clone(), 0.4, terms);
+        let mut phasors = vec![0.0; 2 * candidates.len()];
+        for us in [i64::MIN, -1, 0, (1 << 51) + 12_345] {
+            let time = Time::from_us(us);
+            candidates.phasors_into(time, &mut phasors);
+            assert_eq!(rhythms.p_of(&phasors), rhythms.p(time), "at {us}");
+        }
     }
 }

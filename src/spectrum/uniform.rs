@@ -22,7 +22,10 @@
 //! Not for irregular sampling (see [`SpectralSums`](super::SpectralSums)): missing samples are
 //! allowed, but every step of the clock counts.
 
-use realfft::RealFftPlanner;
+use std::sync::Arc;
+
+use realfft::num_complex::Complex;
+use realfft::{RealFftPlanner, RealToComplex};
 
 use super::codec::{Reader, Writer};
 use super::outliers::OutlierSet;
@@ -82,6 +85,112 @@ pub struct UniformSpectrum {
     missing: OutlierSet,
 }
 
+/// Learns series of one length, one after the other: plan and buffers are made once.
+///
+/// A plan costs as much as several transforms, and fresh buffers as much as one; many cells of a grid, or
+/// many doors, share both. 24 N bytes for N samples and the plan's own tables.
+pub struct UniformLearner {
+    fft: Arc<dyn RealToComplex<f64>>,
+    samples: Vec<f64>,
+    spectrum: Vec<Complex<f64>>,
+    scratch: Vec<Complex<f64>>,
+}
+
+impl std::fmt::Debug for UniformLearner {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let num_samples = self.samples.len();
+        write!(f, "UniformLearner({num_samples} samples)")
+    }
+}
+
+impl UniformLearner {
+    /// For series of `num_samples`.
+    pub fn new(num_samples: usize) -> Result<Self> {
+        if num_samples as u64 > UniformSpectrum::MAX_SAMPLES {
+            return Err(too_long(num_samples as u64, 0));
+        }
+        let fft = RealFftPlanner::new().plan_fft_forward(num_samples);
+        Ok(Self {
+            samples: fft.make_input_vec(),
+            spectrum: fft.make_output_vec(),
+            scratch: fft.make_scratch_vec(),
+            fft,
+        })
+    }
+
+    /// What [`UniformSpectrum::build`] learns, bit for bit.
+    pub fn build(
+        &mut self,
+        start: Time,
+        step: Period,
+        states: &[bool],
+        order: usize,
+    ) -> Result<UniformSpectrum> {
+        let nothing = OutlierSet::default();
+        UniformSpectrum::learn(start, step, states, nothing, order, Some(self))
+    }
+
+    /// What [`UniformSpectrum::build_with_missing`] learns, bit for bit.
+    pub fn build_with_missing(
+        &mut self,
+        start: Time,
+        step: Period,
+        states: &[Option<bool>],
+        order: usize,
+    ) -> Result<UniformSpectrum> {
+        let (states, missing) = split(states);
+        UniformSpectrum::learn(start, step, &states, missing, order, Some(self))
+    }
+
+    /// The `order` strongest rhythms of the states, as harmonics with their coefficients.
+    fn strongest(
+        &mut self,
+        states: &[bool],
+        mean: f64,
+        missing: &OutlierSet,
+        order: usize,
+    ) -> Result<Vec<(usize, Complex<f64>)>> {
+        if states.len() != self.samples.len() {
+            let planned = self.samples.len();
+            return Err(Error::new(
+                ErrorKind::Shape,
+                format!("{} samples do not fit a plan for {planned}", states.len()),
+            ));
+        }
+        let of_state = [0.0 - mean, 1.0 - mean];
+        for (sample, &state) in self.samples.iter_mut().zip(states) {
+            *sample = of_state[usize::from(state)];
+        }
+        for gap in missing.intervals() {
+            self.samples[gap.start as usize..gap.end as usize].fill(0.0);
+        }
+        let (samples, spectrum) = (&mut self.samples, &mut self.spectrum);
+        // The buffers are the plan's own sizes, the one thing that can be wrong here.
+        (self
+            .fft
+            .process_with_scratch(samples, spectrum, &mut self.scratch))
+        .map_err(|cause| Error::new(ErrorKind::Shape, cause.to_string()))?;
+        let strongest = strongest_of_many(&self.spectrum, order).into_iter();
+        Ok(strongest.map(|k| (k, self.spectrum[k])).collect())
+    }
+}
+
+/// States with 0 where they are missing, and where that is.
+fn split(states: &[Option<bool>]) -> (Vec<bool>, OutlierSet) {
+    let mut missing = OutlierSet::default();
+    for (index, _) in states.iter().enumerate().filter(|(_, s)| s.is_none()) {
+        missing.push(index as u64);
+    }
+    (states.iter().map(|s| s.unwrap_or(false)).collect(), missing)
+}
+
+fn too_long(num_samples: u64, order: usize) -> Error {
+    Error::new(
+        ErrorKind::Shape,
+        format!("{num_samples} samples with {order} rhythms are too many"),
+    )
+}
+
 impl UniformSpectrum {
     const TAG: [u8; 4] = *b"CUS\x01";
 
@@ -93,7 +202,7 @@ impl UniformSpectrum {
 
     /// Learns a series of 0 and 1 with the `order` strongest rhythms.
     pub fn build(start: Time, step: Period, states: &[bool], order: usize) -> Result<Self> {
-        Self::learn(start, step, states, OutlierSet::default(), order)
+        Self::learn(start, step, states, OutlierSet::default(), order, None)
     }
 
     /// Learns a series in which some samples are missing (`None`): the transform sees the mean there
@@ -104,12 +213,8 @@ impl UniformSpectrum {
         states: &[Option<bool>],
         order: usize,
     ) -> Result<Self> {
-        let mut missing = OutlierSet::default();
-        for (index, _) in states.iter().enumerate().filter(|(_, s)| s.is_none()) {
-            missing.push(index as u64);
-        }
-        let states: Vec<_> = states.iter().map(|s| s.unwrap_or(false)).collect();
-        Self::learn(start, step, &states, missing, order)
+        let (states, missing) = split(states);
+        Self::learn(start, step, &states, missing, order, None)
     }
 
     fn learn(
@@ -118,13 +223,11 @@ impl UniformSpectrum {
         states: &[bool],
         missing: OutlierSet,
         order: usize,
+        learner: Option<&mut UniformLearner>,
     ) -> Result<Self> {
         let num_samples = states.len() as u64;
         if num_samples > Self::MAX_SAMPLES || order > Self::MAX_ORDER {
-            return Err(Error::new(
-                ErrorKind::Shape,
-                format!("{num_samples} samples with {order} rhythms are too many"),
-            ));
+            return Err(too_long(num_samples, order));
         }
         let num_observed = num_samples - missing.measure(0, num_samples);
         let num_seen = states.iter().filter(|&&state| state).count() as u64;
@@ -140,54 +243,52 @@ impl UniformSpectrum {
             missing,
         };
         if order > 0 && num_seen > 0 && num_seen < num_observed {
-            model.triples = model.transform(states, order);
+            let (mean, missing) = (model.mean(), &model.missing);
+            let strongest = match learner {
+                Some(learner) => learner.strongest(states, mean, missing, order),
+                None => UniformLearner::new(states.len())?.strongest(states, mean, missing, order),
+            }?;
+            model.triples = model.triples_of(&strongest);
         }
         model.find_outliers(states);
         Ok(model)
     }
 
-    /// The `order` strongest rhythms of the states.
-    fn transform(&self, states: &[bool], order: usize) -> Vec<Triple> {
-        let len = states.len();
-        let mean = self.mean();
-        let mut samples: Vec<_> = (states.iter())
-            .map(|&state| f64::from(u8::from(state)) - mean)
-            .collect();
-        for gap in self.missing.intervals() {
-            samples[gap.start as usize..gap.end as usize].fill(0.0);
-        }
-        let fft = RealFftPlanner::new().plan_fft_forward(len);
-        let mut spectrum = fft.make_output_vec();
-        // The buffers are the plan's own sizes, the one thing that can be wrong here.
-        if fft.process(&mut samples, &mut spectrum).is_err() {
-            return Vec::new();
-        }
-        let powers: Vec<_> = spectrum
-            .iter()
-            .map(realfft::num_complex::Complex::norm_sqr)
-            .collect();
+    /// Coefficients of the transform as they are kept.
+    fn triples_of(&self, strongest: &[(usize, Complex<f64>)]) -> Vec<Triple> {
         let scale = 2.0 / self.num_observed as f64;
-        (strongest_of_many(&powers, order).into_iter())
-            .filter_map(|harmonic| {
-                let g = spectrum[harmonic];
-                // The harmonic at half the sampling rate has no twin of negative frequency.
-                let twins = if 2 * harmonic == len { 0.5 } else { 1.0 };
-                let amplitude = (twins * scale * g.norm() * AMPLITUDE_STEPS).round();
-                let phase = (g.arg() / std::f64::consts::TAU * PHASE_STEPS).round();
-                (amplitude >= 1.0).then_some(Triple {
-                    harmonic: harmonic as u32,
-                    amplitude: amplitude.min(f64::from(u16::MAX)) as u16,
-                    phase: (phase as i64).rem_euclid(PHASE_STEPS as i64) as u16,
-                })
+        let triples = strongest.iter().filter_map(|&(harmonic, g)| {
+            // The harmonic at half the sampling rate has no twin of negative frequency.
+            let is_half = 2 * harmonic as u64 == self.num_learnt;
+            let twins = if is_half { 0.5 } else { 1.0 };
+            let amplitude = (twins * scale * g.norm() * AMPLITUDE_STEPS).round();
+            let phase = (g.arg() / std::f64::consts::TAU * PHASE_STEPS).round();
+            (amplitude >= 1.0).then_some(Triple {
+                harmonic: harmonic as u32,
+                amplitude: amplitude.min(f64::from(u16::MAX)) as u16,
+                phase: (phase as i64).rem_euclid(PHASE_STEPS as i64) as u16,
             })
-            .collect()
+        });
+        triples.collect()
     }
 
     fn find_outliers(&mut self, states: &[bool]) {
         let mut outliers = OutlierSet::default();
-        self.for_each_p(0..self.num_samples, |index, p| {
-            if (p >= 0.5) != states[index as usize] {
-                outliers.push(index);
+        self.for_each_block(0..self.num_samples, |first, p| {
+            let states = &states[first as usize..][..p.len()];
+            let is_wrong = |(p, state): (&f64, &bool)| (*p >= 0.5) != *state;
+            let num_wrong: usize = (p.iter().zip(states))
+                .map(|sample| usize::from(is_wrong(sample)))
+                .sum();
+            // Most blocks are right or wrong as a whole.
+            if num_wrong == p.len() {
+                outliers.push_interval(first, first + p.len() as u64);
+            } else if num_wrong > 0 {
+                for (index, sample) in (first..).zip(p.iter().zip(states)) {
+                    if is_wrong(sample) {
+                        outliers.push(index);
+                    }
+                }
             }
         });
         self.outliers = if self.missing.limits().is_empty() {
@@ -264,11 +365,17 @@ impl UniformSpectrum {
     /// p at `offset_us` from the start.
     fn p_at_us(&self, offset_us: i128) -> f64 {
         let cycle_us = i128::from(self.num_learnt.max(1)) * i128::from(self.step.as_us());
+        let offset_us = offset_us.rem_euclid(cycle_us);
         let mut p = self.mean();
         for triple in &self.triples {
             let (re, im) = triple.factors();
-            let turn = (offset_us.rem_euclid(cycle_us) * i128::from(triple.harmonic)) % cycle_us;
-            let (cos, sin) = unit(turn as f64 / cycle_us as f64);
+            let turns_us = offset_us * i128::from(triple.harmonic);
+            // A division of 128 bits costs more than all the rest.
+            let turn_us = match (u64::try_from(turns_us), u64::try_from(cycle_us)) {
+                (Ok(turns_us), Ok(cycle_us)) => (turns_us % cycle_us) as f64,
+                _ => (turns_us % cycle_us) as f64,
+            };
+            let (cos, sin) = unit(turn_us / cycle_us as f64);
             p += re * cos + im * sin;
         }
         p.clamp(0.0, 1.0)
@@ -279,39 +386,45 @@ impl UniformSpectrum {
         self.p_at_us(i128::from(time.as_us()) - i128::from(self.start.as_us()))
     }
 
-    /// Calls `with` with every sample's p, unclamped, in blocks that share their phasors.
+    /// Calls `with` with every sample's index and p, unclamped.
     fn for_each_p(&self, samples: std::ops::Range<u64>, mut with: impl FnMut(u64, f64)) {
+        self.for_each_block(samples, |first, p| {
+            for (index, &p) in (first..).zip(p) {
+                with(index, p);
+            }
+        });
+    }
+
+    /// Calls `with` with an index and the unclamped p from there on, in blocks that share their phasors.
+    fn for_each_block(&self, samples: std::ops::Range<u64>, mut with: impl FnMut(u64, &[f64])) {
         let len = self.num_learnt.max(1);
-        // Within a block: the phasors of every harmonic at samples 0, 1, ... of the block.
+        // Within a block: cosines and sines of every harmonic at samples 0, 1, ... of the block.
         let mut tables = Vec::with_capacity(self.triples.len());
         for triple in &self.triples {
-            let mut table = [(0.0, 0.0); BLOCK];
-            for (i, phasor) in table.iter_mut().enumerate() {
+            let (mut cos, mut sin) = ([0.0; BLOCK], [0.0; BLOCK]);
+            for (i, (cos, sin)) in cos.iter_mut().zip(&mut sin).enumerate() {
                 let turn = i as u64 * u64::from(triple.harmonic) % len;
-                *phasor = unit(turn as f64 / len as f64);
+                (*cos, *sin) = unit(turn as f64 / len as f64);
             }
-            tables.push(table);
+            tables.push((triple.harmonic, triple.factors(), cos, sin));
         }
         let mean = self.mean();
         // Blocks always begin at multiples of the block's length, so p has the same bits in any range.
         let mut first = samples.start / BLOCK as u64 * BLOCK as u64;
         while first < samples.end {
             let mut p = [mean; BLOCK];
-            for (triple, table) in self.triples.iter().zip(&tables) {
-                let turn = (first % len) * u64::from(triple.harmonic) % len;
+            for (harmonic, (re, im), cos_table, sin_table) in &tables {
+                let turn = (first % len) * u64::from(*harmonic) % len;
                 let (cos, sin) = unit(turn as f64 / len as f64);
-                let (re, im) = triple.factors();
                 // The factors turned to the block's start.
                 let (re, im) = (re * cos + im * sin, im * cos - re * sin);
-                for (p, &(cos, sin)) in p.iter_mut().zip(table) {
+                for ((p, cos), sin) in p.iter_mut().zip(cos_table).zip(sin_table) {
                     *p += re * cos + im * sin;
                 }
             }
-            for (index, p) in (first..samples.end).zip(p) {
-                if index >= samples.start {
-                    with(index, p);
-                }
-            }
+            let from = samples.start.max(first);
+            let to = samples.end.min(first + BLOCK as u64);
+            with(from, &p[(from - first) as usize..(to - first) as usize]);
             first += BLOCK as u64;
         }
     }
@@ -360,7 +473,7 @@ impl UniformSpectrum {
         let states = self.reconstruct(0..self.num_samples);
         let missing = std::mem::take(&mut self.missing);
         let states: Vec<_> = states.into_iter().map(|s| s.unwrap_or(false)).collect();
-        *self = Self::learn(self.start, self.step, &states, missing, order)?;
+        *self = Self::learn(self.start, self.step, &states, missing, order, None)?;
         Ok(())
     }
 
@@ -545,23 +658,24 @@ impl<'a> Membership<'a> {
 
 /// The harmonics from 1 of the largest powers, strongest first, the lower of equals: O(N + n log n)
 /// where n is the number asked for.
-fn strongest_of_many(powers: &[f64], count: usize) -> Vec<usize> {
-    let stronger = |a: &usize, b: &usize| powers[*b].total_cmp(&powers[*a]).then(a.cmp(b));
-    let mut best: Vec<usize> = Vec::with_capacity(2 * count + 64);
+fn strongest_of_many(spectrum: &[Complex<f64>], count: usize) -> Vec<usize> {
+    let stronger = |a: &(f64, usize), b: &(f64, usize)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
+    let mut best: Vec<(f64, usize)> = Vec::with_capacity(2 * count + 64);
     let mut to_beat = f64::NEG_INFINITY;
-    for (harmonic, &power) in powers.iter().enumerate().skip(1) {
+    for (harmonic, g) in spectrum.iter().enumerate().skip(1) {
+        let power = g.norm_sqr();
         if power <= to_beat {
             continue;
         }
-        best.push(harmonic);
+        best.push((power, harmonic));
         if best.len() == best.capacity() {
             best.select_nth_unstable_by(count, stronger);
             best.truncate(count);
-            let weakest = best.iter().map(|&harmonic| powers[harmonic]);
+            let weakest = best.iter().map(|strong| strong.0);
             to_beat = weakest.fold(f64::INFINITY, f64::min);
         }
     }
     best.sort_unstable_by(stronger);
     best.truncate(count);
-    best
+    best.into_iter().map(|(_, harmonic)| harmonic).collect()
 }

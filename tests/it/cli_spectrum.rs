@@ -135,3 +135,44 @@ fn what_is_no_series_fails_with_file_and_line() {
         assert!(output.stdout.is_empty());
     }
 }
+
+#[test]
+fn a_picture_shows_data_models_spectrum_and_sampling() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let path = dir.path().join("door.svg");
+    let file = path.to_str().expect("text");
+    let told = spectrum(&door(21, |time| time.to_string()), &["--svg", file]);
+    assert_eq!(
+        stdout(&told),
+        stdout(&spectrum(&door(21, |time| time.to_string()), &[])),
+        "drawing changes no answer"
+    );
+    let svg = std::fs::read_to_string(&path).expect("was written");
+    assert!(
+        svg.starts_with("<svg") && svg.ends_with("</svg>\n"),
+        "{svg}"
+    );
+    for part in ["state", "amplitude", "window"] {
+        assert_eq!(
+            svg.matches(&format!("class=\"{part}\"")).count(),
+            1,
+            "{part}"
+        );
+    }
+    assert_eq!(svg.matches("<polyline class=\"p\"").count(), 2);
+    // The latest two weeks: 14 days of which each has one stretch of 12 samples.
+    let state = svg.split("class=\"state\"").nth(1).expect("drawn");
+    assert_eq!(
+        state
+            .split("/>")
+            .next()
+            .map(|path| path.matches('M').count()),
+        Some(14 * 12)
+    );
+    let nowhere = spectrum(
+        &door(21, |time| time.to_string()),
+        &["--svg", "no/such/folder.svg"],
+    );
+    assert_eq!(nowhere.status.code(), Some(2), "{nowhere:?}");
+    assert!(String::from_utf8_lossy(&nowhere.stderr).contains("folder.svg"));
+}

@@ -7,7 +7,8 @@ use std::io::Read;
 use std::path::PathBuf;
 
 use chronotope::spectrum::{
-    Balance, CandidatePeriods, Encoding, LiteralFremen, SpectralSums, UniformSpectrum, VisitSums,
+    Balance, CandidatePeriods, Encoding, LiteralFremen, SpectralSums, UniformLearner,
+    UniformSpectrum, VisitSums,
 };
 use chronotope::{ErrorKind, Period, Time};
 use proptest::prelude::*;
@@ -312,6 +313,42 @@ fn unchanging_and_single_samples_have_no_rhythm() {
         };
         assert_eq!(model.p(Time::from_us(i64::MIN)), expected);
     }
+}
+
+#[test]
+fn one_learner_learns_what_each_series_alone_gives() {
+    let start = Time::from_s(11);
+    for len in [0, 1, 2, 97, 1_000, 1_031] {
+        let mut learner = UniformLearner::new(len).expect("short");
+        for turn in 1..4 {
+            let states: Vec<_> = (0..len).map(|i| i / 7 % (turn + 1) == 0).collect();
+            let alone = UniformSpectrum::build(start, second(), &states, 3).expect("short");
+            let shared = learner.build(start, second(), &states, 3).expect("fits");
+            assert_eq!(shared, alone, "{len} samples");
+            let shift_us = 5_000_000_000 * SECOND + 7;
+            let later = learner.build(start.plus_us(shift_us), second(), &states, 3);
+            let later = later.expect("fits");
+            for us in [-1_000 * SECOND, 0, 3_456_789, 500 * SECOND] {
+                let time = start.plus_us(us);
+                assert_eq!(later.p(time.plus_us(shift_us)), alone.p(time), "at {us} us");
+            }
+            let gaps: Vec<_> = (states.iter().enumerate())
+                .map(|(i, &state)| (i % 5 != turn).then_some(state))
+                .collect();
+            let alone = UniformSpectrum::build_with_missing(start, second(), &gaps, 3);
+            let shared = learner.build_with_missing(start, second(), &gaps, 3);
+            assert_eq!(
+                shared.expect("fits"),
+                alone.expect("short"),
+                "{len} samples"
+            );
+        }
+    }
+    let mut learner = UniformLearner::new(10).expect("short");
+    let states = [true, false, true];
+    let error = learner.build(start, second(), &states, 1);
+    assert_eq!(error.expect_err("another length").kind(), ErrorKind::Shape);
+    assert!(UniformLearner::new(usize::MAX).is_err());
 }
 
 #[test]

@@ -189,8 +189,14 @@ fn curve(html: &mut String, drawing: &Drawing) {
         put!(
             html,
             "<path class=\"tick\" d=\"M{x:.1} {BOTTOM}v5\"/><text x=\"{x:.1}\" y=\"{}\" \
-             text-anchor=\"middle\">{text}</text>",
+             text-anchor=\"{}\">{text}</text>",
             BOTTOM + 20.0,
+            // The last name would be cut at the edge.
+            if px(time) > WIDTH - 2.0 * RIGHT {
+                "end"
+            } else {
+                "middle"
+            },
             x = px(time)
         );
     }
@@ -265,8 +271,9 @@ fn over_order(results: &SeriesResults) -> String {
         ),
         ("Brier score in %", |row| row.brier),
     ];
-    for (metric, (name, value)) in plots.into_iter().enumerate() {
-        for sampling in Sampling::ALL {
+    // A sampling's plots side by side.
+    for sampling in Sampling::ALL {
+        for (metric, (name, value)) in plots.into_iter().enumerate() {
             let title = format!("{name}, learnt from {}", sampling_words(sampling));
             order_plot(&mut html, results, sampling, &title, value, metric);
         }

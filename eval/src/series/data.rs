@@ -209,6 +209,10 @@ fn aruba(files: &mut Files) -> Result<Material> {
             "The days have no dates: the first is taken as a Monday, which makes office hours a \
              pattern of sampling and no claim about the person."
                 .into(),
+            "A number is a place in the list of names, counted from 0; 0 never occurs. Names are doubtful \
+             (nights are spent in Master_Bathroom, or in Master_Bedroom if counted from 1, which leaves \
+             Outside never visited); no number below depends on them."
+                .into(),
         ],
     })
 }

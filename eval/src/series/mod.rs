@@ -23,7 +23,7 @@ use crate::results::{Order, write_atomically};
 use crate::run::{RunOptions, commit, machine};
 use crate::suite::{Protocol, Suite};
 use data::{Material, Series, State};
-use models::{BASELINE, DEFAULT, Forecast, LITERAL, forecasts};
+use models::{BASELINE, DEFAULT, Forecast, Instant, LITERAL, forecasts};
 use sampling::Sampling;
 pub use spectrum::{Line, Spectrum};
 
@@ -225,40 +225,63 @@ struct Score {
 }
 
 impl Score {
-    fn of(forecast: &Forecast, learnt: &[State], series: &Series, block: Period) -> Self {
-        let wrong = |states: &[State]| {
-            let is_wrong = |(time, state): &&State| (forecast.p(*time) >= 0.5) != *state;
-            [
-                states.iter().filter(is_wrong).count() as f64,
-                states.len() as f64,
-            ]
-        };
-        let mut blocks = Vec::new();
-        let mut parts = Vec::new();
-        for part in &series.parts {
-            let mut last = None;
-            let mut of_part = [0.0; 2];
-            for &(time, state) in &part.states {
-                let number = time.as_us().div_euclid(block.as_us());
-                if last.replace(number) != Some(number) {
-                    blocks.push(Block::default());
-                }
-                let p = forecast.p(time);
-                if let Some(block) = blocks.last_mut() {
-                    block.add(p, state);
-                }
-                of_part[0] += f64::from(u8::from((p >= 0.5) != state));
-                of_part[1] += 1.0;
-            }
-            parts.push(of_part);
-        }
+    /// What is known of a forecast before it is asked anything.
+    fn new(forecast: &Forecast, num_learnt: usize) -> Self {
         Self {
             model: forecast.model,
             order: forecast.order,
-            num_learnt: learnt.len() as f64,
-            learnt: wrong(learnt),
-            blocks,
-            parts,
+            num_learnt: num_learnt as f64,
+            learnt: [0.0; 2],
+            blocks: Vec::new(),
+            parts: Vec::new(),
+        }
+    }
+
+    /// Asks all forecasts at each time together, since what depends on the time alone is half of the cost.
+    fn of_all(
+        forecasts: &[Forecast],
+        learnt: &[State],
+        series: &Series,
+        block: Period,
+    ) -> Result<Vec<Self>> {
+        let mut scores: Vec<Self> = (forecasts.iter())
+            .map(|forecast| Self::new(forecast, learnt.len()))
+            .collect();
+        let mut at = Instant::new()?;
+        for &(time, state) in learnt {
+            at.set(time);
+            for (score, forecast) in scores.iter_mut().zip(forecasts) {
+                let is_wrong = (forecast.p(&at) >= 0.5) != state;
+                add(&mut score.learnt, &[f64::from(u8::from(is_wrong)), 1.0]);
+            }
+        }
+        for part in &series.parts {
+            for score in &mut scores {
+                score.parts.push([0.0; 2]);
+            }
+            let mut last = None;
+            for &(time, state) in &part.states {
+                at.set(time);
+                let number = time.as_us().div_euclid(block.as_us());
+                let is_new = last.replace(number) != Some(number);
+                for (score, forecast) in scores.iter_mut().zip(forecasts) {
+                    if is_new {
+                        score.blocks.push(Block::default());
+                    }
+                    score.add_answer(forecast.p(&at), state);
+                }
+            }
+        }
+        Ok(scores)
+    }
+
+    /// Adds an answer to the last block and the last part.
+    fn add_answer(&mut self, p: f64, state: bool) {
+        if let Some(block) = self.blocks.last_mut() {
+            block.add(p, state);
+        }
+        if let Some(part) = self.parts.last_mut() {
+            add(part, &[f64::from(u8::from((p >= 0.5) != state)), 1.0]);
         }
     }
 
@@ -321,11 +344,10 @@ fn judge(suite: &Suite, material: &Material, share: f64) -> Result<SeriesResults
     let scores: Vec<Vec<Score>> = (tasks.par_iter())
         .map(|&(sampling, series, draw)| {
             let learnt = sampling.draw(&series.learn, share, draw);
-            let scores = forecasts(&learnt, |_| true)?;
-            let scores = scores.iter().map(|f| Score::of(f, &learnt, series, block));
-            let scores = scores.collect();
+            let forecasts = forecasts(&learnt, |_| true)?;
+            let scores = Score::of_all(&forecasts, &learnt, series, block);
             bar.inc(1);
-            Ok(scores)
+            scores
         })
         .collect::<Result<_>>()?;
     bar.finish_and_clear();
@@ -511,6 +533,7 @@ fn drawings(material: &Material, share: f64) -> Result<Vec<Drawing>> {
             let span_us = end.as_us() - first.0.as_us();
             let time = |i: usize| first.0.plus_us(span_us / NUM_DRAWN as i64 * i as i64);
             let times: Vec<Time> = (0..=NUM_DRAWN).map(time).collect();
+            let mut at = Instant::new()?;
             let shown = DRAWN.iter().filter_map(|(model, order)| {
                 let found = forecasts
                     .iter()
@@ -519,12 +542,17 @@ fn drawings(material: &Material, share: f64) -> Result<Vec<Drawing>> {
                     Order::Fixed(order @ 1..) => format!("{model}, order {order}"),
                     _ => (*model).to_owned(),
                 };
-                Some((name, times.iter().map(|&time| found.p(time)).collect()))
+                let p = times.iter().map(|&time| {
+                    at.set(time);
+                    found.p(&at)
+                });
+                Some((name, p.collect()))
             });
+            let curves = shown.collect();
             drawings.push(Drawing {
                 title: format!("{}, {}, learnt from {words}", series.name, part.name),
                 is_one: stretches(&part.states, end),
-                curves: shown.collect(),
+                curves,
                 times_s: times.iter().map(|time| time.as_s()).collect(),
             });
         }

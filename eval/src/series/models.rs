@@ -3,7 +3,9 @@
 //! Every temporal model of the papers, and ours. None is tuned to a suite.
 
 use anyhow::Result;
-use chronotope::spectrum::{Balance, CandidatePeriods, LiteralFremen, Rhythms, UniformSpectrum};
+use chronotope::spectrum::{
+    Balance, CandidatePeriods, LiteralFremen, Rhythms, UniformLearner, UniformSpectrum,
+};
 use chronotope::visibility::{BitRow, HistoryLog, VisibilityConfig, VisibilityModel, Visits, fit};
 use chronotope::{Period, Time};
 
@@ -50,11 +52,40 @@ enum Predictor {
     Fitted(Box<dyn VisibilityModel>),
 }
 
+/// A time, with what the forecasts share at it.
+pub struct Instant {
+    candidates: CandidatePeriods,
+    time: Time,
+    phasors: Vec<f64>,
+}
+
+impl Instant {
+    /// Some time.
+    pub fn new() -> Result<Self> {
+        let candidates = candidates()?;
+        let phasors = vec![0.0; 2 * candidates.len()];
+        let mut instant = Self {
+            candidates,
+            time: Time::default(),
+            phasors,
+        };
+        instant.set(Time::default());
+        Ok(instant)
+    }
+
+    /// Goes to another time.
+    pub fn set(&mut self, time: Time) {
+        self.time = time;
+        self.candidates.phasors_into(time, &mut self.phasors);
+    }
+}
+
 impl Forecast {
     /// p(t).
-    pub fn p(&self, time: Time) -> f64 {
+    pub fn p(&self, at: &Instant) -> f64 {
+        let time = at.time;
         match &self.predictor {
-            Predictor::Rhythms(rhythms) => rhythms.p(time),
+            Predictor::Rhythms(rhythms) => rhythms.p_of(&at.phasors),
             Predictor::Uniform(spectrum) => spectrum.p(time),
             Predictor::Fitted(model) => model.predict_one(0, time),
         }
@@ -138,8 +169,9 @@ pub fn forecasts(states: &[State], wanted: impl Fn(&str) -> bool) -> Result<Vec<
     if wanted(FFT)
         && let Some((step, samples)) = uniform(states)
     {
+        let mut learner = UniformLearner::new(samples.len())?;
         for order in 0..=MAX_ORDER {
-            let spectrum = UniformSpectrum::build_with_missing(states[0].0, step, &samples, order)?;
+            let spectrum = learner.build_with_missing(states[0].0, step, &samples, order)?;
             forecasts.push(Forecast {
                 model: FFT,
                 order: Order::Fixed(order as u32),
@@ -161,14 +193,15 @@ fn held_out_order(states: &[State], balance: Balance) -> Result<usize> {
     for &(time, state) in earlier {
         fremen.add(time, state);
     }
-    let error = |order| {
-        let rhythms = fremen.rhythms(order);
-        let squares = latest
-            .iter()
-            .map(|&(time, state)| (rhythms.p(time) - f64::from(u8::from(state))).powi(2));
-        squares.sum::<f64>()
-    };
-    let errors: Vec<f64> = (0..=MAX_ORDER).map(error).collect();
+    let rhythms: Vec<Rhythms> = (0..=MAX_ORDER).map(|order| fremen.rhythms(order)).collect();
+    let mut errors = vec![0.0; rhythms.len()];
+    let mut at = Instant::new()?;
+    for &(time, state) in latest {
+        at.set(time);
+        for (error, rhythms) in errors.iter_mut().zip(&rhythms) {
+            *error += (rhythms.p_of(&at.phasors) - f64::from(u8::from(state))).powi(2);
+        }
+    }
     let first_lowest = |best: usize, order: usize| {
         if errors[order] < errors[best] {
             order

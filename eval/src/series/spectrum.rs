@@ -55,11 +55,12 @@ fn lines(states: &[State]) -> Result<Vec<Line>> {
     for &(time, state) in states {
         sums.add(time, state)?;
     }
-    let mut lines: Vec<Line> = (0..candidates.len())
-        .map(|k| Line {
+    let windows = windows(&candidates, states);
+    let mut lines: Vec<Line> = (windows.into_iter().enumerate())
+        .map(|(k, window)| Line {
             period_s: candidates.period_s(k),
             amplitude: 0.0,
-            window: window(&candidates, k, states),
+            window,
         })
         .collect();
     for component in sums.rhythms(candidates.len()).components() {
@@ -71,12 +72,20 @@ fn lines(states: &[State]) -> Result<Vec<Line>> {
     Ok(lines)
 }
 
-fn window(candidates: &CandidatePeriods, k: usize, states: &[State]) -> f64 {
-    let (mut re, mut im) = (0.0, 0.0);
+/// `abs(W_k) / m` of every candidate.
+fn windows(candidates: &CandidatePeriods, states: &[State]) -> Vec<f64> {
+    let width = 2 * candidates.len();
+    let (mut sums, mut phasors) = (vec![0.0; width], vec![0.0; width]);
     for &(time, _) in states {
-        let (cos, sin) = candidates.phasor(k, time);
-        re += cos;
-        im += sin;
+        candidates.phasors_into(time, &mut phasors);
+        for (sum, phasor) in sums.iter_mut().zip(&phasors) {
+            *sum += phasor;
+        }
     }
-    f64::hypot(re, im) / states.len().max(1) as f64
+    let (cos, sin) = sums.split_at(candidates.len());
+    let count = states.len().max(1) as f64;
+    cos.iter()
+        .zip(sin)
+        .map(|(c, s)| c.hypot(*s) / count)
+        .collect()
 }

@@ -6,6 +6,8 @@
 //! than the reference; they hold for this machine and this run. They compare the fastest repetition of
 //! each, because that is what other programs on the machine disturb least.
 //!
+//! Temporal models are compared with the papers' sums written plainly, in processor time of one thread.
+//!
 //! A section is a module that returns rows; [`run`] puts them one after the other.
 //!
 //! Whoever claims to be exact has its answer compared with ours before it is timed; where two answers
@@ -21,6 +23,8 @@ mod plot;
 mod rivals;
 mod search;
 mod table;
+#[path = "../../../benches/temporal/mod.rs"]
+mod temporal;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -48,6 +52,8 @@ pub struct SpeedOptions {
     pub max_hnsw_rows: usize,
     /// A Python with OpenCV and FAISS, as `scripts/speed.sh` makes one.
     pub python: Option<PathBuf>,
+    /// Nothing but temporal models, which takes a minute.
+    pub only_temporal: bool,
     /// Where `speed.json`, `speed.txt` and `growth.svg` are written.
     pub out: PathBuf,
     /// The command as typed.
@@ -158,18 +164,35 @@ impl SpeedReport {
     }
 }
 
-/// Measures everything, prints nothing, writes the files.
+/// Measures what is asked for, prints nothing, writes the files.
 pub fn run(options: &SpeedOptions) -> Result<SpeedReport> {
-    let material = Material::new(options.data.as_deref())?;
     let mut report = SpeedReport {
         schema_version: 1,
         commit: commit(),
         machine: machine(),
         command: options.command.clone(),
-        material: material.describe(),
+        material: "made up: visits at random times, states at random".into(),
         missing: Vec::new(),
         measurements: Vec::new(),
     };
+    eprintln!("learning and asking temporal models");
+    report.measurements.extend(temporal_models()?);
+    if !options.only_temporal {
+        of_images(options, &mut report)?;
+    }
+    std::fs::create_dir_all(&options.out)
+        .with_context(|| format!("cannot create {}", options.out.display()))?;
+    let write = |name: &str, bytes: &[u8]| write_atomically(&options.out.join(name), bytes);
+    write("speed.json", &serde_json::to_vec_pretty(&report)?)?;
+    write("speed.txt", table::render(&report).as_bytes())?;
+    write("growth.svg", plot::growth(&report).as_bytes())?;
+    Ok(report)
+}
+
+/// Extraction, search and whole answers.
+fn of_images(options: &SpeedOptions, report: &mut SpeedReport) -> Result<()> {
+    let material = Material::new(options.data.as_deref())?;
+    report.material = material.describe();
     let python = options.python.as_deref().map(Python::new).transpose()?;
     if python.is_none() {
         report.missing.push(
@@ -180,20 +203,31 @@ pub fn run(options: &SpeedOptions) -> Result<SpeedReport> {
     report.measurements.extend(rows);
     for &num_rows in &options.rows {
         eprintln!("searching {num_rows} rows");
-        search::measure(&material, num_rows, options, python.as_ref(), &mut report)?;
+        search::measure(&material, num_rows, options, python.as_ref(), report)?;
     }
     for &num_nodes in &options.nodes {
         eprintln!("localising in {num_nodes} places");
         let rows = end_to_end::measure(&material, num_nodes)?;
         report.measurements.extend(rows);
     }
-    std::fs::create_dir_all(&options.out)
-        .with_context(|| format!("cannot create {}", options.out.display()))?;
-    let write = |name: &str, bytes: &[u8]| write_atomically(&options.out.join(name), bytes);
-    write("speed.json", &serde_json::to_vec_pretty(&report)?)?;
-    write("speed.txt", table::render(&report).as_bytes())?;
-    write("growth.svg", plot::growth(&report).as_bytes())?;
-    Ok(report)
+    Ok(())
+}
+
+/// Learning and prediction against their plain twins.
+fn temporal_models() -> Result<Vec<Measurement>> {
+    const SECTION: &str = "Temporal models, one thread";
+    let comparisons = temporal::temporal(&temporal::Sizes::default())?;
+    let rows = comparisons.iter().flat_map(|both| {
+        let row = |subject, ms| Measurement::new(SECTION, &both.case, subject, ms);
+        let agree = format!("{}; {} results agree", both.ours_note, both.num_checked);
+        [
+            row(both.twin, &both.twin_ms)
+                .reference()
+                .note(&both.twin_note),
+            row("ours", &both.ours_ms).note(agree),
+        ]
+    });
+    Ok(rows.collect())
 }
 
 /// The report as a table for a terminal.

@@ -29,7 +29,7 @@ pub(super) fn render(report: &SpeedReport) -> String {
             section = &row.section;
             let _ = writeln!(
                 text,
-                "\n{section}\n  {:<22}{:<30}{:>11}{:>11}{:>11}{:>10}{:>9}{:>9}  note",
+                "\n{section}\n  {:<25}{:<30}{:>11}{:>11}{:>11}{:>10}{:>9}{:>9}  note",
                 "case", "subject", "best ms", "p50 ms", "p99 ms", "ns/pair", "ratio", "nearest"
             );
         }
@@ -104,7 +104,7 @@ fn line(report: &SpeedReport, row: &Measurement) -> String {
     let or_blank = |text: Option<String>| text.unwrap_or_default();
     let ns = row.pairs.map(|pairs| row.ms_best * 1e6 / pairs as f64);
     format!(
-        "  {:<22}{:<30}{:>11.3}{:>11.3}{:>11}{:>10}{:>9}{:>9}  {}",
+        "  {:<25}{:<30}{:>11.3}{:>11.3}{:>11}{:>10}{:>9}{:>9}  {}",
         row.case,
         row.subject,
         row.ms_best,

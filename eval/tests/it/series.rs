@@ -122,3 +122,13 @@ fn a_folder_without_the_series_is_named() {
         "{error:#}"
     );
 }
+
+#[test]
+fn one_thread_and_many_give_the_same_numbers() {
+    let rows = |num_threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(num_threads);
+        let results = pool.build().unwrap().install(|| run().unwrap());
+        serde_json::to_string(&results.rows).unwrap()
+    };
+    assert_eq!(rows(1), rows(4));
+}

@@ -4,7 +4,7 @@
 //! apart from what is learnt, the numbers of features n, and *arms*: a preset with the methods, models
 //! and scores to run it with. Suites hold no results and no thresholds.
 
-use chronotope::localize::{LocalizerConfig, Method, Preset, Score};
+use chronotope::localize::{Evidence, LocalizerConfig, Method, Preset, Score};
 use chronotope::predict::Choice;
 use chronotope::visibility::VisibilityConfig;
 use chronotope::{Error, ErrorKind, Period, Result};
@@ -152,6 +152,9 @@ pub struct Arm {
     pub visit_clock_s: Option<f64>,
     /// How features are chosen, where not as the preset does.
     pub choice: Option<Choice>,
+    /// Parts of the likelihood that are left out.
+    #[serde(default)]
+    pub without: Vec<Evidence>,
     /// Added to the names of models, to tell the arms of an ablation apart.
     pub label: Option<String>,
     /// Whether runs that count matches learn what a count is worth, for the judgement of posteriors;
@@ -263,7 +266,9 @@ impl Arm {
             if method.needs_time() && !has_clock {
                 continue;
             }
-            let base = LocalizerConfig::preset(self.preset).with_method(method);
+            let base = LocalizerConfig::preset(self.preset)
+                .with_method(method)
+                .with_less_evidence(self.without.clone());
             let base = match self.choice {
                 Some(choice) => base.with_choice(choice),
                 None => base,

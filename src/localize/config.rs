@@ -128,6 +128,22 @@ impl std::fmt::Display for Score {
     }
 }
 
+/// A part of the likelihood that can be left out, to see what it is worth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Evidence {
+    /// That features which were seen together are expected together.
+    Appearances,
+    /// How near the descriptors of a match are.
+    Distances,
+    /// How far the camera seems to be displaced.
+    Displacement,
+    /// That some features are found where they are not more often than others.
+    FalseRates,
+    /// That features of some places are found again more often than those of others.
+    Repeatability,
+}
+
 /// A named set of defaults, used alike by the command, suites and records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -189,6 +205,7 @@ struct Fields {
     selection: Selection,
     choice: Choice,
     calibrated: bool,
+    without: Vec<Evidence>,
     elsewhere: f64,
     risk: f64,
     min_score: u32,
@@ -230,7 +247,8 @@ impl TryFrom<Fields> for LocalizerConfig {
             )
             .with_help("set `calibrated = true`, or use `score = \"inliers\"`"));
         }
-        Ok(Self(fields))
+        let without = fields.without.clone();
+        Ok(Self(fields).with_less_evidence(without))
     }
 }
 
@@ -250,6 +268,7 @@ impl LocalizerConfig {
                 selection: Selection::Top(50),
                 choice: Choice::Likeliest,
                 calibrated: false,
+                without: Vec::new(),
                 elsewhere: 0.1,
                 risk: 0.1,
                 min_score: 1,
@@ -264,6 +283,7 @@ impl LocalizerConfig {
                 selection: Selection::Top(50),
                 choice: Choice::Covering,
                 calibrated: true,
+                without: Vec::new(),
                 elsewhere: 0.1,
                 risk: 0.1,
                 min_score: 4,
@@ -310,6 +330,15 @@ impl LocalizerConfig {
     #[must_use]
     pub fn with_calibrated(mut self, calibrated: bool) -> Self {
         self.0.calibrated = calibrated || self.0.score == Score::Likelihood;
+        self
+    }
+
+    /// Leaves parts of the likelihood out; in any order, each once.
+    #[must_use]
+    pub fn with_less_evidence(mut self, mut without: Vec<Evidence>) -> Self {
+        without.sort_unstable();
+        without.dedup();
+        self.0.without = without;
         self
     }
 
@@ -374,6 +403,11 @@ impl LocalizerConfig {
     /// Whether posteriors are calibrated on past visits.
     pub fn calibrated(&self) -> bool {
         self.0.calibrated
+    }
+
+    /// Parts of the likelihood that are left out, ascending.
+    pub fn without(&self) -> &[Evidence] {
+        &self.0.without
     }
 
     /// The prior probability of being at none of the places.

@@ -38,7 +38,7 @@ mod tracking;
 use std::sync::Arc;
 
 pub use calibration::{Calibration, Curve, Temper};
-pub use config::{LocalizerConfig, Method, Preset, Score};
+pub use config::{Evidence, LocalizerConfig, Method, Preset, Score};
 pub use localization::{Candidate, Decision, EvidenceMatch, Localization, Reason};
 pub use sweep::{Sweep, Tally};
 pub use tracking::{EdgeMotion, Motion, MotionConfig, Tracker, Transitions};

@@ -36,7 +36,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::evidence::{Expectation, Hits, LogMean};
-use super::{Localizer, Method, Plan, Score, Scratch};
+use super::{Evidence, Localizer, Method, Plan, Score, Scratch};
 use crate::error::Result;
 use crate::feature::{Features, FeaturesView};
 use crate::map::{Node, NodeId, Reobservation};
@@ -94,6 +94,8 @@ pub struct Calibration {
     false_counts: Vec<Vec<Vec<Trials>>>,
     distance_log_ratios: Vec<f64>,
     displacement: Option<DisplacementPrior>,
+    /// Whether features that were seen together are expected together.
+    hears_witnesses: bool,
     /// For each score, at each of [`SIZES`].
     tempers: [[Temper; SIZES.len()]; Score::ALL.len()],
     num_images: usize,
@@ -169,6 +171,7 @@ impl Calibration {
             false_counts: Vec::new(),
             distance_log_ratios: vec![0.0; 257],
             displacement: None,
+            hears_witnesses: true,
             tempers: Score::ALL.map(|score| [prior_temper(score); SIZES.len()]),
             num_images: 0,
         }
@@ -193,12 +196,35 @@ impl Calibration {
         let seen = Reobservation::of(&localizer.snapshot)?;
         calibration.learn_distances(&seen, &images, &trials);
         calibration.learn_displacement(&seen, localizer.snapshot.meta.image_size);
+        calibration.forget(localizer.cfg.without());
         let trials = match everything {
             None => trials,
             Some(_) => ask(localizer, &localizer.plans)?.1,
         };
         calibration.learn_tempers(&images, &trials);
         Ok(calibration)
+    }
+
+    /// Leaves out what the configuration does not want.
+    fn forget(&mut self, without: &[Evidence]) {
+        for evidence in without {
+            match evidence {
+                Evidence::Appearances => self.hears_witnesses = false,
+                Evidence::Distances => self.distance_log_ratios.fill(0.0),
+                Evidence::Displacement => self.displacement = None,
+                Evidence::FalseRates => self.false_counts.clear(),
+                Evidence::Repeatability => self.repeatability.clear(),
+            }
+        }
+    }
+
+    /// Starts an expectation with as many of the witnesses as are heard.
+    fn restart(&self, expectation: &mut Expectation, num_witnesses: usize, likeness: &[f64]) {
+        if self.hears_witnesses {
+            expectation.restart_weighted(num_witnesses, likeness);
+        } else {
+            expectation.restart(0);
+        }
     }
 
     /// From a model's score to the probability that the feature is matched at its place.
@@ -257,7 +283,7 @@ impl Calibration {
         predicted: &PredictedMap,
         witnesses: &Witnesses,
     ) {
-        expectation.restart_weighted(witnesses.num_visits(), predicted.likeness());
+        self.restart(expectation, witnesses.num_visits(), predicted.likeness());
         for &id in predicted.features() {
             let detection = self.detection_at(node, predicted.scores()[id as usize]);
             let false_rate = self.false_rate_of(node, 0, id as usize, Trials::default());
@@ -451,7 +477,7 @@ impl Calibration {
             let found = &record.found[size];
             count = count.max(found.num_matches);
             inliers = inliers.max(found.inliers.len() as u32);
-            expectation.restart_weighted(record.num_witnesses, &record.likeness);
+            self.restart(expectation, record.num_witnesses, &record.likeness);
             let was_found = record.found_at(RATE_SIZE);
             for ((rank, &(feature, score)), was_found) in (record.features.iter().enumerate())
                 .take(SIZES[size])

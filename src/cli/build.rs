@@ -22,11 +22,14 @@ use super::config::Config;
 use super::new_map::{finish, part_of, refuse_existing};
 use super::output::Output;
 use super::progress::Progress;
-use super::{ConfigArgs, Outcome, interrupt, named, preset_of};
+use super::student::{now, store};
+use super::{ConfigArgs, Outcome, held, interrupt, named, preset_of};
 use crate::dataset::{Clock, Dataset, Entry, Manifest, Problem};
 use crate::error::{Error, ErrorKind};
 use crate::feature::{Extractor, ExtractorConfig, Features, GrayImage, StarBriefConfig};
-use crate::learn::{KeepAppearances, LearnConfig, Learner, Observation, Recipe};
+use crate::learn::{
+    Circumstances, ClockPolicy, KeepAppearances, LearnConfig, Learner, Observation, Recipe,
+};
 use crate::localize::Preset;
 use crate::map::{Map, MapMeta, PlaceKey, SessionId, Snapshot, derived_uuid};
 use crate::time::Time;
@@ -145,8 +148,14 @@ pub(super) fn run(args: &BuildArgs, out: &mut Output) -> Result<Outcome> {
     refuse_existing(map)?;
     let (manifest, dataset) = open_dataset(data)?;
     interrupt::watch()?;
-    Build::new(args.preset, config.learn, &manifest, dataset, map)?
-        .run(args.commits.interval(), out)
+    Build::new(
+        args.preset,
+        config.learn.for_building(),
+        &manifest,
+        dataset,
+        map,
+    )?
+    .run(args.commits.interval(), out)
 }
 
 pub(super) fn update(args: &UpdateArgs, out: &mut Output) -> Result<Outcome> {
@@ -163,6 +172,11 @@ pub(super) fn update(args: &UpdateArgs, out: &mut Output) -> Result<Outcome> {
         config.learn = config.learn.with_keep_appearances(keep.into());
     }
     let (_, dataset) = open_dataset(&args.data)?;
+    if dataset.clock == Clock::None {
+        // Times that only number the visits are no clock's.
+        let guard = (config.learn.guard().clone()).with_clock(ClockPolicy::Ignore);
+        config.learn = config.learn.with_guard(guard);
+    }
     interrupt::watch()?;
     Build::onto(map, config.learn, dataset)?.run(args.commits.interval(), out)
 }
@@ -193,11 +207,13 @@ struct Build {
     part: Option<PathBuf>,
     problems: Vec<Problem>,
     num_learnt: usize,
+    num_held: usize,
 }
 
 struct Extracted {
     features: Features,
     image_size: (u32, u32),
+    gray_range: Option<(u8, u8)>,
     mask: Option<GrayImage>,
 }
 
@@ -259,6 +275,7 @@ impl Build {
             part: None,
             map,
             num_learnt: 0,
+            num_held: 0,
         })
     }
 
@@ -279,6 +296,9 @@ impl Build {
         match self.finish() {
             Ok(snapshot) => {
                 self.list_problems();
+                if self.num_held > 0 {
+                    eprintln!("{} visits are held: see above", self.num_held);
+                }
                 let summary = snapshot.summary();
                 out.line(format_args!(
                     "{}: {} places, {} visits ({} learnt now), {} features, {} appearances kept",
@@ -334,7 +354,7 @@ impl Build {
             }
             if self.commits_early() && Instant::now() >= next_commit {
                 let start = Instant::now();
-                let generation = self.map.commit(&*self.learner.snapshot()?)?;
+                let generation = store(&self.map, &mut self.learner)?;
                 tracing::info!(generation, visits = num_done, "committed");
                 let pause = commit_interval.max(start.elapsed().saturating_mul(COMMIT_SHARE));
                 next_commit = Instant::now() + pause;
@@ -343,14 +363,17 @@ impl Build {
         Ok(true)
     }
 
-    /// The visits that the part holds.
+    /// The visits that the part has learnt or holds.
     fn known_visits(&self) -> HashSet<(PlaceKey, Time, String)> {
         let snapshot = self.map.snapshot();
         let visits = (snapshot.nodes.iter())
             .flat_map(|node| node.visits.iter().map(move |visit| (node, visit)))
             .filter(|(_, visit)| visit.session == self.session)
             .map(|(node, visit)| (node.key.clone(), visit.time, visit.source.clone()));
-        visits.collect()
+        let held = (self.learner.held().visits().iter())
+            .filter(|visit| visit.session == self.session)
+            .map(|visit| (visit.place.clone(), visit.time, visit.source.clone()));
+        visits.chain(held).collect()
     }
 
     fn extract(&self, entry: &Entry) -> crate::Result<Extracted> {
@@ -359,12 +382,13 @@ impl Build {
         Ok(Extracted {
             features: self.extractor.extract(&image, mask.as_ref())?,
             image_size: (image.width() as u32, image.height() as u32),
+            gray_range: image.gray_range(mask.as_ref()),
             mask,
         })
     }
 
     fn observe(&mut self, entry: &Entry, image: &Extracted) -> crate::Result<()> {
-        let learnt = self.learner.observe(&Observation {
+        let observation = Observation {
             place: entry.place.clone(),
             session: self.session,
             time: entry.time,
@@ -372,7 +396,18 @@ impl Build {
             image_size: image.image_size,
             mask: image.mask.as_ref(),
             source: entry.id.clone(),
-        })?;
+        };
+        let circumstances = Circumstances {
+            now: now(),
+            is_live: false,
+            gray_range: image.gray_range,
+        };
+        let learnt = (self.learner).observe_under(&observation, &circumstances)?;
+        if let Some(doubt) = &learnt.doubt {
+            self.num_held += 1;
+            held::tell(&entry.id, doubt, &self.out);
+            return Ok(());
+        }
         self.num_learnt += 1;
         tracing::debug!(
             place = entry.place.as_str(),
@@ -411,12 +446,9 @@ impl Build {
                 }),
             }
         }
-        if self.commits_early() {
-            self.map.commit(&snapshot)?;
-        } else {
-            // What is visible in a new image may change what was visible in an old one.
-            self.map.replace(&snapshot)?;
-        }
+        // With the reference recipe, what is visible in a new image may change what was visible in an old one; with
+        // a budget, something may have been forgotten.
+        self.map.replace(&snapshot)?;
         let Some(part) = &self.part else {
             return Ok(self.map.snapshot());
         };
@@ -427,7 +459,7 @@ impl Build {
     /// Keeps what was learnt, after Ctrl-C.
     fn stop(&mut self) -> Result<Outcome> {
         if self.commits_early() {
-            self.map.commit(&*self.learner.snapshot()?)?;
+            store(&self.map, &mut self.learner)?;
         }
         self.list_problems();
         let num_kept = self.map.snapshot().summary().num_visits;

@@ -49,7 +49,9 @@ pub(super) fn run(args: &MergeArgs, out: &mut Output) -> Result<Outcome> {
     let mut num_visits = 0;
     for (path, map) in args.maps.iter().zip(&maps) {
         num_visits += map.summary().num_visits;
-        for name in map.attachments.keys() {
+        let others = (map.attachments.keys())
+            .filter(|name| !["held", "reobservation"].contains(&name.as_str()));
+        for name in others {
             eprintln!(
                 "note: the attachment `{name}` of {} describes that map alone and is left out",
                 path.display()

@@ -8,8 +8,10 @@
 mod build;
 mod check;
 mod config;
+mod edge;
 mod exchange;
 mod generations;
+mod held;
 mod inspect;
 mod interrupt;
 mod live;
@@ -82,6 +84,7 @@ Examples:
   chronotope map inspect street.map
   chronotope map verify street.map
   chronotope map log street.map
+  chronotope map held street.map
   chronotope map merge street.map park.map --out town.map")]
 enum MapCommand {
     Build(build::BuildArgs),
@@ -94,6 +97,11 @@ enum MapCommand {
     Log(generations::LogArgs),
     Rollback(generations::RollbackArgs),
     Prune(generations::PruneArgs),
+    Edge(edge::EdgeArgs),
+    Held(held::HeldArgs),
+    Accept(held::AcceptArgs),
+    Drop(held::DropArgs),
+    Forget(held::ForgetArgs),
 }
 
 #[derive(Debug, Subcommand)]
@@ -171,6 +179,11 @@ impl Cli {
             Command::Map(MapCommand::Log(args)) => generations::log(&args, &mut out),
             Command::Map(MapCommand::Rollback(args)) => generations::rollback(&args, &mut out),
             Command::Map(MapCommand::Prune(args)) => generations::prune(&args, &mut out),
+            Command::Map(MapCommand::Edge(args)) => edge::run(&args, &mut out),
+            Command::Map(MapCommand::Held(args)) => held::held(&args, &mut out),
+            Command::Map(MapCommand::Accept(args)) => held::accept(&args, &mut out),
+            Command::Map(MapCommand::Drop(args)) => held::drop_held(&args, &mut out),
+            Command::Map(MapCommand::Forget(args)) => held::forget(&args, &mut out),
             Command::Localize(args) => localize::run(&args, &mut out),
             Command::Predict(args) => predict::run(&args, &mut out),
             Command::Spectrum(args) => spectrum::run(&args, &mut out),

@@ -2,27 +2,35 @@
 //!
 //! Each located image becomes a visit of its place: it was seen there, so it is learnt as if somebody
 //! had said so. Every few seconds what was learnt is committed as a generation, and localising goes on
-//! with it. An image that was learnt before is not learnt again.
+//! with it. An image that was learnt before is not learnt again, and one that does not agree with what was
+//! predicted of its place is held until somebody accepts it (`map accept`).
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::feature::{Features, GrayImage};
-use crate::learn::{LearnConfig, Learner, Observation, Recipe};
+use crate::learn::{Circumstances, LearnConfig, Learner, Observation, Recipe};
 use crate::map::{Map, PlaceKey, SessionId, Snapshot};
+use crate::time::Time;
 
+use super::held;
 use super::pictures::Picture;
 
 /// Commits are at least this far apart.
 const COMMIT_INTERVAL: Duration = Duration::from_secs(1);
+
+/// Of a map within a budget, so many generations can be returned to.
+const KEPT_GENERATIONS: usize = 8;
 
 pub(super) struct Student {
     map: Map,
     learner: Learner,
     session: SessionId,
     next_commit: Instant,
+    is_live: bool,
     num_learnt: usize,
+    num_held: usize,
 }
 
 impl Student {
@@ -54,7 +62,9 @@ impl Student {
                 SessionId::derive("localize")
             },
             next_commit: Instant::now() + COMMIT_INTERVAL,
+            is_live,
             num_learnt: 0,
+            num_held: 0,
         })
     }
 
@@ -72,7 +82,7 @@ impl Student {
                     .with_help("give --time"),
             );
         };
-        let learnt = self.learner.observe(&Observation {
+        let observation = Observation {
             place: place.clone(),
             session: self.session,
             time,
@@ -80,7 +90,18 @@ impl Student {
             image_size: (picture.image.width() as u32, picture.image.height() as u32),
             mask,
             source: picture.name.clone(),
-        })?;
+        };
+        let circumstances = Circumstances {
+            now: now(),
+            is_live: self.is_live,
+            gray_range: picture.image.gray_range(mask),
+        };
+        let learnt = (self.learner).observe_under(&observation, &circumstances)?;
+        if let Some(doubt) = &learnt.doubt {
+            self.num_held += 1;
+            held::tell(&picture.name, doubt, self.map.path());
+            return Ok(None);
+        }
         self.num_learnt += 1;
         tracing::info!(
             image = picture.name,
@@ -96,7 +117,7 @@ impl Student {
     }
 
     fn commit(&mut self) -> Result<Arc<Snapshot>> {
-        self.map.commit(&*self.learner.snapshot()?)?;
+        store(&self.map, &mut self.learner)?;
         self.next_commit = Instant::now() + COMMIT_INTERVAL;
         Ok(self.map.snapshot())
     }
@@ -105,8 +126,9 @@ impl Student {
     pub(super) fn finish(mut self) -> Result<()> {
         let snapshot = self.commit()?;
         eprintln!(
-            "learnt: {} visits; {} is at generation {}",
+            "learnt: {} visits, {} held; {} is at generation {}",
             self.num_learnt,
+            self.num_held,
             self.map.path().display(),
             snapshot.generation
         );
@@ -121,4 +143,29 @@ impl Drop for Student {
             tracing::warn!("what was learnt last is not kept: {error}");
         }
     }
+}
+
+/// What the machine's clock says; `None` if it is before 1970.
+pub(super) fn now() -> Option<Time> {
+    let since_epoch = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    let us = i64::try_from(since_epoch.ok()?.as_micros()).ok()?;
+    Some(Time::from_us(us))
+}
+
+/// Commits what was learnt, and gives the generation.
+///
+/// Where a budget made the learner forget, the map is written anew; then all generations but the last few
+/// go, or the file would grow though the map does not.
+pub(super) fn store(map: &Map, learner: &mut Learner) -> Result<u64> {
+    let snapshot = learner.snapshot()?;
+    let generation = map.replace(&snapshot)?;
+    if learner.cfg().budget().is_bounded() {
+        let generations = map.generations()?;
+        let is_anew = (generations.last()).is_some_and(|it| it.parent == Some(0) && it.number > 1);
+        if is_anew {
+            let newest = generations.iter().rev().take(KEPT_GENERATIONS);
+            map.prune(&newest.map(|it| it.number).collect())?;
+        }
+    }
+    Ok(generation)
 }

@@ -80,6 +80,33 @@ impl GrayImage {
     pub fn row(&self, y: usize) -> &[u8] {
         &self.data[y * self.width..][..self.width]
     }
+
+    /// The grey levels that all but the darkest and the brightest hundredth of the pixels lie between, of
+    /// those where `mask` is not zero; `None` if there are none, or the mask has another size.
+    ///
+    /// O(pixels). Says whether there is anything to see: a few hot pixels do not count.
+    pub fn gray_range(&self, mask: Option<&Self>) -> Option<(u8, u8)> {
+        if mask.is_some_and(|mask| (mask.width, mask.height) != (self.width, self.height)) {
+            return None;
+        }
+        let mut counts = [0_usize; 256];
+        for (at, &level) in self.data.iter().enumerate() {
+            if mask.is_none_or(|mask| mask.data[at] != 0) {
+                counts[usize::from(level)] += 1;
+            }
+        }
+        let total: usize = counts.iter().sum();
+        let level_after = |share: usize| {
+            let mut sum = 0;
+            counts.iter().position(|&count| {
+                sum += count;
+                sum > share
+            })
+        };
+        let low = level_after(total / 100)?;
+        let high = level_after(total - 1 - total / 100)?;
+        Some((low as u8, high as u8))
+    }
 }
 
 impl std::fmt::Debug for GrayImage {

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::budget::BudgetConfig;
+use super::guard::{GuardConfig, Judge};
 use crate::error::{Error, ErrorKind, Result};
 use crate::localize::{LocalizerConfig, Method, Preset, Score};
 use crate::matching::{MatchConfig, TwoWayConfig, VoteConfig};
@@ -52,6 +54,8 @@ struct Fields {
     vote: VoteConfig,
     two_way: TwoWayConfig,
     experience: LocalizerConfig,
+    guard: GuardConfig,
+    budget: BudgetConfig,
 }
 
 impl Default for Fields {
@@ -89,6 +93,22 @@ impl TryFrom<Fields> for LearnConfig {
             )
             .with_help("use `score = \"inliers\"` or `\"count\"` under `experience`"));
         }
+        fields.guard.check()?;
+        fields.budget.check()?;
+        if fields.recipe == Recipe::Reference && fields.budget.is_bounded() {
+            return Err(Error::new(
+                ErrorKind::Config,
+                "the reference recipe keeps every image, so it cannot keep to a budget",
+            )
+            .with_help("leave out `budget`, or use `recipe = \"online\"`"));
+        }
+        if fields.recipe == Recipe::Reference && fields.guard.judge() != Judge::Never {
+            return Err(Error::new(
+                ErrorKind::Config,
+                "the reference recipe learns all visits at once, so it cannot judge them",
+            )
+            .with_help("use `judge = \"never\"` under `guard`, or `recipe = \"online\"`"));
+        }
         Ok(Self(fields))
     }
 }
@@ -113,6 +133,8 @@ impl LearnConfig {
             two_way: TwoWayConfig::default(),
             experience: (LocalizerConfig::preset(preset).with_method(Method::Experience))
                 .with_score(Score::Inliers),
+            guard: GuardConfig::default(),
+            budget: BudgetConfig::default(),
         };
         Self(match preset {
             Preset::Default => fields,
@@ -122,6 +144,7 @@ impl LearnConfig {
                 keep_appearances: KeepAppearances::All,
                 reobserve: MatchConfig::lttl(crate::matching::Direction::MapToLive),
                 experience: fields.experience.clone().with_score(Score::Count),
+                guard: fields.guard.clone().with_judge(Judge::Never),
                 ..fields
             },
         })
@@ -131,6 +154,32 @@ impl LearnConfig {
     #[must_use]
     pub fn with_keep_appearances(mut self, keep: KeepAppearances) -> Self {
         self.0.keep_appearances = keep;
+        self
+    }
+
+    /// Judges visits in another way.
+    #[must_use]
+    pub fn with_guard(mut self, guard: GuardConfig) -> Self {
+        self.0.guard = guard;
+        self
+    }
+
+    /// Keeps the map within this size.
+    ///
+    /// Fails with [`ErrorKind::Config`] if nothing fits into it, or with the reference recipe.
+    pub fn with_budget(mut self, budget: BudgetConfig) -> Result<Self> {
+        self.0.budget = budget;
+        Self::try_from(self.0)
+    }
+
+    /// For a map that is built from visits whose places somebody has vouched for: only with
+    /// [`Judge::Always`] are they judged.
+    #[must_use]
+    pub fn for_building(self) -> Self {
+        if self.guard().judge() == Judge::Updates {
+            let guard = self.guard().clone().with_judge(Judge::Never);
+            return self.with_guard(guard);
+        }
         self
     }
 
@@ -177,5 +226,15 @@ impl LearnConfig {
     /// How images are located by experiences while learning.
     pub fn experience(&self) -> &LocalizerConfig {
         &self.0.experience
+    }
+
+    /// How visits are judged before they are learnt (online recipe).
+    pub fn guard(&self) -> &GuardConfig {
+        &self.0.guard
+    }
+
+    /// How large the map may become (online recipe).
+    pub fn budget(&self) -> &BudgetConfig {
+        &self.0.budget
     }
 }

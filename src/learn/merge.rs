@@ -20,6 +20,9 @@
 //! all images' features were kept: it learns the union's visits again in canonical order, which is a function
 //! of their set, too.
 //!
+//! Of the attachments, what was counted of features seen again ([`Reobservation`]) and the visits that are held
+//! ([`Held`], unless one of the maps has learnt them) are merged; others describe one map and are left out.
+//!
 //! O(places * visits * features / 64 + bytes). Not for: maps with different extractors, image sizes or
 //! poses, which are conflicts.
 
@@ -29,7 +32,9 @@ use std::sync::Arc;
 use super::{KeepAppearances, LearnConfig, Learner, Observation};
 use crate::error::{Error, ErrorKind, Result};
 use crate::feature::{Descriptor, Features, Keypoint};
-use crate::map::{AppearanceUse, Edge, MapMeta, Node, PlaceKey, Snapshot, Visit, VisitId};
+use crate::map::{
+    AppearanceUse, Edge, Held, MapMeta, Node, PlaceKey, Reobservation, Snapshot, Visit, VisitId,
+};
 use crate::time::Time;
 use crate::visibility::BitRow;
 
@@ -38,16 +43,24 @@ const MAX_TOLD: usize = 10;
 
 /// Merges maps, in any order and grouping, into the canonical form of their union.
 ///
-/// The result has the smallest UUID, no attachments (they describe one map, as a calibration does) and
-/// is of generation 0. [`ErrorKind::Config`] names the conflicts: maps that differ in extractor, image
+/// The result has the smallest UUID, of the attachments those that can be merged, and is of generation 0. [`ErrorKind::Config`] names the conflicts: maps that differ in extractor, image
 /// size, crop, preset or zone, or in the pose of a place, and visits with one identity and two times.
 ///
 /// # Errors
-/// Also if there is no map, or if a place would have more features than a map may hold.
+/// Also if there is no map, if a place would have more features than a map may hold, or if an attachment
+/// that is merged cannot be read.
 pub fn merge(maps: &[&Snapshot]) -> Result<Snapshot> {
     let mut union = Union::default();
+    let mut held = Held::default();
+    let mut reobservation: Option<Reobservation> = None;
     for map in maps {
         union.add(map);
+        held.merge(&Held::of(map)?);
+        let counted = Reobservation::of(map)?;
+        match &mut reobservation {
+            Some(so_far) => so_far.merge(&counted),
+            None => reobservation = Some(counted),
+        }
     }
     if !union.conflicts.is_empty() {
         let told: Vec<&str> = (union.conflicts.iter().map(String::as_str))
@@ -79,6 +92,12 @@ pub fn merge(maps: &[&Snapshot]) -> Result<Snapshot> {
     snapshot.edges = (union.edges.into_iter())
         .map(|(from, to, name)| Edge { from, to, name })
         .collect();
+    let visits = snapshot.nodes.iter().flat_map(|node| &node.visits);
+    visits.for_each(|visit| drop(held.take(visit.id)));
+    held.attach(&mut snapshot)?;
+    if let Some(reobservation) = reobservation {
+        reobservation.attach(&mut snapshot);
+    }
     Ok(snapshot)
 }
 

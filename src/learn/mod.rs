@@ -19,24 +19,34 @@
 //! place if the experiences so far, of all places, do not locate it there. For FreEx, each visit also
 //! logs which experiences of its place would have located it by themselves.
 //!
-//! Not for: deciding whether a visit should be believed, or what to forget.
+//! What does not agree with what was predicted of its place is not learnt but held
+//! ([`GuardConfig`], [`Held`]), until [`Learner::accept`] or [`Learner::reject`] says which. A map that may only
+//! grow so far forgets what is least useful ([`BudgetConfig`]).
 
+mod budget;
 mod config;
+mod forget;
+mod guard;
 mod merge;
 mod online;
 mod reference;
 
 use std::sync::Arc;
 
+pub use budget::BudgetConfig;
 pub use config::{KeepAppearances, LearnConfig, Recipe};
+pub use forget::forget_session;
+pub use guard::{Circumstances, ClockPolicy, GuardConfig, Judge};
 pub use merge::{merge, relearn};
 
+use self::budget::Room;
+use self::guard::Guard;
 use crate::error::{Error, ErrorKind, Result};
 use crate::feature::{Features, FeaturesView, GrayImage};
 use crate::localize::Score;
 use crate::map::{
-    AppearanceUse, MapMeta, Node, PlaceKey, Reobservation, SessionId, Snapshot, Visit, VisitId,
-    features_digest,
+    AppearanceUse, Doubt, Held, HeldVisit, MapMeta, Node, PlaceKey, Reobservation, SessionId,
+    Snapshot, Visit, VisitId, features_digest,
 };
 use crate::matching::{
     Displacement, Match, MatchScratch, Matcher, VoteScratch, displacements_into, vote_displacement,
@@ -64,7 +74,7 @@ pub struct Observation<'a> {
 }
 
 /// What a visit changed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Learnt {
     /// Features of the place that were seen again.
     pub num_seen: usize,
@@ -72,6 +82,11 @@ pub struct Learnt {
     pub num_born: usize,
     /// Whether its appearance became an experience.
     pub experience: bool,
+    /// Why it was held instead; nothing else changed then.
+    pub doubt: Option<Doubt>,
+    /// Features and visits that were forgotten to keep to the budget: the map does not extend its past
+    /// then, and is stored by [`Map::replace`](crate::map::Map::replace).
+    pub num_forgotten: usize,
 }
 
 /// Learns a map, visit by visit.
@@ -84,6 +99,11 @@ pub struct Learner {
     reobserve: Matcher,
     experience: Matcher,
     reobservation: Reobservation,
+    held: Held,
+    /// `None` where visits are not judged.
+    guard: Option<Guard>,
+    /// Bytes of each place, where they are bounded.
+    num_bytes: Vec<usize>,
     scratch: Scratch,
 }
 
@@ -111,22 +131,39 @@ struct Scratch {
 }
 
 impl Learner {
-    /// Starts an empty map.
+    /// Starts an empty map. Its visits are judged only with [`Judge::Always`].
     pub fn new(cfg: LearnConfig, meta: MapMeta) -> Self {
-        Self::with(cfg, Snapshot::empty(meta), Reobservation::default())
+        let reobservation = Reobservation::new(meta.uuid);
+        let snapshot = Snapshot::empty(meta);
+        Self::with(cfg.for_building(), snapshot, reobservation, Held::default())
     }
 
     /// Goes on with a map that was learnt with the same configuration.
     ///
-    /// Fails with [`ErrorKind::Format`] if what the map knows of features seen again cannot be read.
+    /// Fails with [`ErrorKind::Format`] if what the map knows of features seen again, or the visits that
+    /// it holds, cannot be read.
     pub fn resume(cfg: LearnConfig, snapshot: Snapshot) -> Result<Self> {
         let reobservation = Reobservation::of(&snapshot)?;
-        Ok(Self::with(cfg, snapshot, reobservation))
+        let held = Held::of(&snapshot)?;
+        Ok(Self::with(cfg, snapshot, reobservation, held))
     }
 
-    fn with(cfg: LearnConfig, snapshot: Snapshot, reobservation: Reobservation) -> Self {
+    fn with(
+        cfg: LearnConfig,
+        snapshot: Snapshot,
+        reobservation: Reobservation,
+        held: Held,
+    ) -> Self {
+        let num_bytes = if cfg.budget().bytes().is_some() {
+            snapshot.nodes.iter().map(|node| node.num_bytes()).collect()
+        } else {
+            Vec::new()
+        };
         Self {
+            num_bytes,
             reobservation,
+            held,
+            guard: (cfg.guard().judge() != Judge::Never).then(Guard::default),
             stale: vec![false; snapshot.nodes.len()],
             reobserve: Matcher::new(cfg.reobserve().clone()),
             experience: Matcher::new(cfg.experience().matching().clone()),
@@ -141,35 +178,205 @@ impl Learner {
         &self.cfg
     }
 
-    /// Learns one visit.
+    /// The visits that wait to be accepted or rejected.
+    pub fn held(&self) -> &Held {
+        &self.held
+    }
+
+    /// Learns one visit, or holds it if it is doubtful ([`GuardConfig`]).
     ///
     /// Fails, and changes nothing, with [`ErrorKind::Shape`] if the image or its mask has another size
-    /// than the map's images, and with [`ErrorKind::Config`] if the very same visit was learnt before.
+    /// than the map's images, with [`ErrorKind::Config`] if the very same visit was learnt before, and with
+    /// [`ErrorKind::Time`] if its time cannot be right and [`ClockPolicy::Refuse`] is set.
     pub fn observe(&mut self, observation: &Observation<'_>) -> Result<Learnt> {
+        self.observe_under(observation, &Circumstances::default())
+    }
+
+    /// [`observe`](Self::observe) with what is known of how the image came in.
+    pub fn observe_under(
+        &mut self,
+        observation: &Observation<'_>,
+        circumstances: &Circumstances,
+    ) -> Result<Learnt> {
         let visit = self.check(observation)?;
         let mut features = observation.features.clone();
         features.truncate(self.cfg.features_per_visit());
+        let Some(doubt) = self.doubt(observation, &features, circumstances)? else {
+            return self.take_in(visit, observation, features);
+        };
+        let num_dropped = self.held.push(HeldVisit {
+            place: observation.place.clone(),
+            id: visit.id,
+            session: visit.session,
+            time: visit.time,
+            source: visit.source,
+            image_size: observation.image_size,
+            doubt: doubt.clone(),
+            features: Arc::new(features),
+        });
+        if num_dropped > 0 {
+            tracing::warn!(
+                num_dropped,
+                "too many visits are held: the oldest were dropped"
+            );
+        }
+        Ok(Learnt {
+            doubt: Some(doubt),
+            ..Learnt::default()
+        })
+    }
+
+    /// Learns a visit that is held, without judging it again. What a mask hid counts as not seen.
+    ///
+    /// Fails with [`ErrorKind::Config`] if no such visit is held.
+    pub fn accept(&mut self, id: VisitId) -> Result<Learnt> {
+        let held = self.take_held(id)?;
+        let visit = Visit {
+            id,
+            session: held.session,
+            time: held.time,
+            source: held.source.clone(),
+            appearance: None,
+            appearance_use: AppearanceUse::Recognised,
+        };
+        let observation = Observation {
+            place: held.place,
+            session: held.session,
+            time: held.time,
+            features: &held.features,
+            image_size: held.image_size,
+            mask: None,
+            source: held.source,
+        };
+        self.take_in(visit, &observation, Features::clone(&held.features))
+    }
+
+    /// Drops a visit that is held.
+    ///
+    /// Fails with [`ErrorKind::Config`] if no such visit is held.
+    pub fn reject(&mut self, id: VisitId) -> Result<()> {
+        self.take_held(id).map(drop)
+    }
+
+    fn take_held(&mut self, id: VisitId) -> Result<HeldVisit> {
+        self.held.take(id).ok_or_else(|| {
+            Error::new(ErrorKind::Config, format!("no visit {id} is held"))
+                .with_help("`chronotope map held` lists them")
+        })
+    }
+
+    /// Why a visit should not be learnt, if something speaks against it.
+    fn doubt(
+        &mut self,
+        observation: &Observation<'_>,
+        features: &Features,
+        circumstances: &Circumstances,
+    ) -> Result<Option<Doubt>> {
+        let Some(guard) = &mut self.guard else {
+            return Ok(None);
+        };
+        let policy = self.cfg.guard().clock();
+        if policy != ClockPolicy::Ignore
+            && let Some(doubt) = guard.doubt_clock(
+                &self.snapshot,
+                observation.session,
+                observation.time,
+                circumstances,
+            )
+        {
+            if policy == ClockPolicy::Refuse {
+                return Err(
+                    Error::new(ErrorKind::Time, format!("{}: {doubt}", observation.time))
+                        .with_path(&observation.source)
+                        .with_help("set the clock, or give the time it was really taken at"),
+                );
+            }
+            return Ok(Some(doubt));
+        }
+        if observation.features.len() < self.cfg.guard().min_features() {
+            return Ok(Some(Doubt::Blind {
+                num_features: observation.features.len(),
+                gray_range: circumstances.gray_range,
+            }));
+        }
+        let Some(index) = self.snapshot.find(&observation.place) else {
+            return Ok(None);
+        };
+        let index = index.0 as usize;
+        let found = self.find(index, observation, features);
+        let Some(guard) = &mut self.guard else {
+            return Ok(None);
+        };
+        let disagreement = guard.doubt_view(
+            &self.cfg,
+            index,
+            &self.snapshot.nodes[index],
+            observation.time,
+            &found.seen,
+            found.hidden.as_ref(),
+        )?;
+        Ok(disagreement.and_then(|disagreement| {
+            let looks_like = self.look_elsewhere(index, observation, features, &found);
+            disagreement.judged(looks_like)
+        }))
+    }
+
+    /// The other place that most of the image's features agree with, if it is more than do so with the
+    /// place at `own`. O(features of all places).
+    fn look_elsewhere(
+        &mut self,
+        own: usize,
+        observation: &Observation<'_>,
+        features: &Features,
+        found: &Found,
+    ) -> Option<PlaceKey> {
+        let mut most = found.distances.len();
+        let mut best = None;
+        for index in (0..self.snapshot.nodes.len()).filter(|&index| index != own) {
+            let num_agreeing = self.find(index, observation, features).distances.len();
+            if num_agreeing > most {
+                most = num_agreeing;
+                best = Some(index);
+            }
+        }
+        best.map(|index| self.snapshot.nodes[index].key.clone())
+    }
+
+    /// Looks for the features of the place at `index` in an image (online recipe).
+    fn find(&mut self, index: usize, observation: &Observation<'_>, features: &Features) -> Found {
+        online::find(
+            &self.cfg,
+            &self.reobserve,
+            &mut self.scratch,
+            self.snapshot.nodes[index].features.view(),
+            observation,
+            features,
+        )
+    }
+
+    /// Learns a visit, whatever it looks like.
+    fn take_in(
+        &mut self,
+        visit: Visit,
+        observation: &Observation<'_>,
+        features: Features,
+    ) -> Result<Learnt> {
         let index = self.node_index(&observation.place);
         let (located_by, is_experience) = self.recall(index, features.view());
-        let node = Arc::make_mut(&mut self.snapshot.nodes[index]);
         let found = match self.cfg.recipe() {
-            Recipe::Online => online::find(
-                &self.cfg,
-                &self.reobserve,
-                &mut self.scratch,
-                node.features.view(),
-                observation,
-                &features,
-            ),
+            Recipe::Online => self.find(index, observation, &features),
             Recipe::Reference => {
                 self.stale[index] = true;
-                reference::find(&self.cfg, node.features.view(), &features)
+                let known = self.snapshot.nodes[index].features.view();
+                reference::find(&self.cfg, known, &features)
             }
         };
-        let learnt = Learnt {
+        let mut learnt = Learnt {
             num_seen: found.seen.count_ones() - found.born.len(),
             num_born: found.born.len(),
             experience: is_experience,
+            doubt: None,
+            num_forgotten: 0,
         };
         let keep = match (self.cfg.recipe(), self.cfg.keep_appearances()) {
             // The reference recipe looks at every image again.
@@ -186,6 +393,7 @@ impl Learner {
             },
             ..visit
         };
+        let node = Arc::make_mut(&mut self.snapshot.nodes[index]);
         node.push_visit(visit, &found.born, found.seen, found.hidden, located_by)?;
         if let Some(displacement) = found.displacement {
             (self.reobservation).count_displacement(displacement.dx_px, displacement.dy_px);
@@ -194,7 +402,48 @@ impl Learner {
             }
         }
         self.snapshot.meta.image_size = Some(observation.image_size);
+        learnt.num_forgotten = self.keep_to_budget(index)?;
         Ok(learnt)
+    }
+
+    /// Forgets what exceeds the budget after a visit of the place at `index`; gives how much.
+    fn keep_to_budget(&mut self, index: usize) -> Result<usize> {
+        let mut num_forgotten = 0;
+        if let Some(room) = self.cfg.budget().room(&self.snapshot.nodes[index]) {
+            num_forgotten += self.shrink(index, room)?;
+        }
+        let Some(most) = self.cfg.budget().bytes() else {
+            return Ok(num_forgotten);
+        };
+        self.num_bytes.resize(self.snapshot.nodes.len(), 0);
+        self.num_bytes[index] = self.snapshot.nodes[index].num_bytes();
+        let total: usize = self.num_bytes.iter().sum();
+        if total > most {
+            for index in 0..self.snapshot.nodes.len() {
+                let room = Room::of(&self.snapshot.nodes[index]).scaled(total, most);
+                num_forgotten += self.shrink(index, room)?;
+                self.num_bytes[index] = self.snapshot.nodes[index].num_bytes();
+            }
+        }
+        Ok(num_forgotten)
+    }
+
+    fn shrink(&mut self, index: usize, room: Room) -> Result<usize> {
+        let shrunk = budget::shrink(
+            &self.cfg,
+            &self.reobserve,
+            &mut self.scratch,
+            &self.snapshot,
+            index,
+            room,
+        )?;
+        let size = |node: &Node| node.features.len() + node.visits.len();
+        let num_forgotten = size(&self.snapshot.nodes[index]).saturating_sub(size(&shrunk));
+        self.snapshot.nodes[index] = Arc::new(shrunk);
+        if let Some(guard) = &mut self.guard {
+            guard.forget(index);
+        }
+        Ok(num_forgotten)
     }
 
     /// The map as learnt so far.
@@ -204,9 +453,8 @@ impl Learner {
                 reference::write_log(&self.cfg, Arc::make_mut(node))?;
             }
         }
-        if self.reobservation != Reobservation::default() {
-            self.reobservation.attach(&mut self.snapshot);
-        }
+        self.reobservation.attach(&mut self.snapshot);
+        self.held.attach(&mut self.snapshot)?;
         Ok(Arc::new(self.snapshot.clone()))
     }
 

@@ -85,6 +85,72 @@ impl Node {
         self.experience_log.num_features() + usize::from(is_experience)
     }
 
+    /// The place with only these visits and features, in the same order of arrival: one bool each.
+    ///
+    /// A feature whose birth is gone is born at the first visit that is left and could have seen it; if there
+    /// is none, it goes too. O(visits * features).
+    pub fn retained(&self, visits: &[bool], features: &[bool]) -> Result<Self> {
+        let kept: Vec<usize> = (0..self.visits.len())
+            .filter(|&visit| visits.get(visit) == Some(&true))
+            .collect();
+        // Features in order of their new birth.
+        let is_kept = |id: usize| features.get(id) == Some(&true);
+        let mut births: Vec<(usize, usize)> = Vec::new();
+        let mut waiting: Vec<usize> = Vec::new();
+        let mut num_known = 0;
+        for (at, &visit) in kept.iter().enumerate() {
+            let seen = self.log.seen_row(visit);
+            waiting.extend((num_known..seen.len()).filter(|&id| is_kept(id)));
+            num_known = seen.len().max(num_known);
+            let hidden = self.log.hidden_row(visit);
+            // Those born at a visit may be hidden there, as a builder may have it.
+            let born_here = self.born_at(visit);
+            waiting.retain(|&id| {
+                let can_be_born =
+                    born_here.contains(&id) || !hidden.is_some_and(|hidden| hidden.get(id));
+                if can_be_born {
+                    births.push((at, id));
+                }
+                !can_be_born
+            });
+        }
+        let experience = |visit: usize| {
+            (self.visits[visit].appearance_use == AppearanceUse::Experience)
+                .then(|| self.experience_log.seen_row(visit).len() - 1)
+        };
+        let mut node = Self {
+            pose: self.pose,
+            ..Self::new(self.key.clone())
+        };
+        let mut experiences: Vec<usize> = Vec::new();
+        for (at, &visit) in kept.iter().enumerate() {
+            let len = births.partition_point(|&(birth, _)| birth <= at);
+            let ids: Vec<u32> = (births[node.features.len()..len].iter())
+                .map(|&(_, id)| id as u32)
+                .collect();
+            let born = self.features.select(&ids);
+            let rearranged = |row: &BitRow| {
+                let mut to = BitRow::zeros(len);
+                let ones = (births[..len].iter().enumerate()).filter(|(_, (_, id))| row.get(*id));
+                ones.for_each(|(new, _)| to.set(new));
+                to
+            };
+            experiences.extend(experience(visit));
+            let located = self.experience_log.seen_row(visit);
+            let mut located_by = BitRow::zeros(experiences.len());
+            let ones = (experiences.iter().enumerate()).filter(|(_, old)| located.get(**old));
+            ones.for_each(|(new, _)| located_by.set(new));
+            node.push_visit(
+                self.visits[visit].clone(),
+                &born,
+                rearranged(self.log.seen_row(visit)),
+                (self.log.hidden_row(visit).map(rearranged)).filter(|row| row.count_ones() > 0),
+                located_by,
+            )?;
+        }
+        Ok(node)
+    }
+
     /// The ids of the features born at `visit`.
     ///
     /// # Panics
@@ -95,6 +161,19 @@ impl Node {
             None => 0,
         };
         before..self.log.seen_row(visit).len()
+    }
+
+    /// Bytes of its features, logs and appearances. O(visits).
+    pub fn num_bytes(&self) -> usize {
+        let rows = |visit: usize| {
+            let num_rows = 1 + usize::from(self.log.hidden_row(visit).is_some());
+            num_rows * self.log.seen_row(visit).words().len()
+                + self.experience_log.seen_row(visit).words().len()
+        };
+        let num_words: usize = (0..self.visits.len()).map(rows).sum();
+        let appearances = self.visits.iter().filter_map(|it| it.appearance.as_ref());
+        let num_kept: usize = appearances.map(|appearance| appearance.len()).sum();
+        8 * num_words + FEATURE_BYTES * (self.features.len() + num_kept)
     }
 
     /// The earliest and the latest time of its visits.
@@ -335,20 +414,15 @@ impl Snapshot {
         for node in &self.nodes {
             summary.num_visits += node.visits.len();
             summary.num_features += node.features.len();
-            summary.num_bytes += node.features.len() * FEATURE_BYTES;
+            summary.num_bytes += node.num_bytes();
             if let Some((first, last)) = node.time_span() {
                 summary.first = Some(summary.first.map_or(first, |time| time.min(first)));
                 summary.last = Some(summary.last.map_or(last, |time| time.max(last)));
             }
-            for (at, visit) in node.visits.iter().enumerate() {
+            for visit in &node.visits {
                 sessions.insert(visit.session);
-                let rows = 1 + usize::from(node.log.hidden_row(at).is_some());
-                let words = rows * node.log.seen_row(at).words().len()
-                    + node.experience_log.seen_row(at).words().len();
-                summary.num_bytes += words * 8;
-                if let Some(appearance) = &visit.appearance {
+                if visit.appearance.is_some() {
                     summary.num_appearances += 1;
-                    summary.num_bytes += appearance.len() * FEATURE_BYTES;
                     let is_experience = visit.appearance_use == AppearanceUse::Experience;
                     summary.num_experiences += usize::from(is_experience);
                 }

@@ -45,20 +45,22 @@ pub(super) const GENERATION: Table = Table {
              prunes INTEGER NOT NULL, time_us INTEGER NOT NULL, meta INTEGER NOT NULL, \
              edges INTEGER NOT NULL, num_places INTEGER NOT NULL, num_visits INTEGER NOT NULL, \
              num_features INTEGER NOT NULL, digest BLOB NOT NULL, crc INTEGER NOT NULL) STRICT",
-    columns: &[
-        "number",
-        "parent",
-        "prunes",
-        "time_us",
-        "meta",
-        "edges",
-        "num_places",
-        "num_visits",
-        "num_features",
-        "digest",
-    ],
+    columns: &GENERATION_COLUMNS,
     limits: &[("digest", 32)],
 };
+
+const GENERATION_COLUMNS: [&str; 10] = [
+    "number",
+    "parent",
+    "prunes",
+    "time_us",
+    "meta",
+    "edges",
+    "num_places",
+    "num_visits",
+    "num_features",
+    "digest",
+];
 
 /// The same table in format 1, where a generation's parent is the one before it.
 pub(super) const GENERATION_1: Table = Table {
@@ -67,16 +69,10 @@ pub(super) const GENERATION_1: Table = Table {
              meta INTEGER NOT NULL, edges INTEGER NOT NULL, num_places INTEGER NOT NULL, \
              num_visits INTEGER NOT NULL, num_features INTEGER NOT NULL, digest BLOB NOT NULL, \
              crc INTEGER NOT NULL) STRICT",
-    columns: &[
-        "number",
-        "time_us",
-        "meta",
-        "edges",
-        "num_places",
-        "num_visits",
-        "num_features",
-        "digest",
-    ],
+    columns: &{
+        let [number, _parent, _prunes, a, b, c, d, e, f, g] = GENERATION_COLUMNS;
+        [number, a, b, c, d, e, f, g]
+    },
     limits: &[("digest", 32)],
 };
 

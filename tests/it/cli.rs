@@ -1545,3 +1545,116 @@ fn what_is_located_is_learnt_only_if_that_is_asked_for() {
     assert_eq!(visits(), num_before);
     assert!(fixture.run(&["map", "verify", "street.map"]).code == 0);
 }
+
+#[test]
+fn doubtful_visits_are_held_until_they_are_accepted_or_dropped() {
+    let fixture = Fixture::with_map();
+    let later = query_time().plus_us(Period::DAY.as_us());
+    let index = format!(
+        "place,time,path\nplace-00,{},black.png\nplace-00,{later},other.png\nplace-01,{later},own.png\n",
+        query_time()
+    );
+    fs::create_dir(fixture.path("odd")).expect("writable");
+    fixture.write("odd/index.csv", index);
+    let black = image::GrayImage::from_pixel(320, 240, image::Luma([3]));
+    fixture.write("odd/black.png", encoded(&black));
+    fixture.write("odd/other.png", png(1, later, 7));
+    fixture.write("odd/own.png", png(1, later, 7));
+    let update = || fixture.run(&["map", "update", "street.map", "--data", "odd"]);
+    let updated = update();
+    assert_eq!(updated.code, 0, "{updated:?}");
+    assert!(updated.stdout.contains("(1 learnt now)"), "{updated:?}");
+    for expected in [
+        "the image is black",
+        "it looks like place `place-01`",
+        "2 visits are held",
+    ] {
+        assert!(updated.stderr.contains(expected), "{expected}: {updated:?}");
+    }
+    assert!(update().stdout.contains("(0 learnt now)"));
+
+    let held = || {
+        fixture
+            .run(&["map", "held", "street.map", "--json"])
+            .lines()
+    };
+    let listed = held();
+    assert_eq!(listed.len(), 2);
+    assert_eq!(listed[0]["doubt"]["kind"], "blind");
+    assert_eq!(listed[0]["doubt"]["gray-range"][1], 3);
+    assert_eq!(listed[1]["doubt"]["kind"], "disagreement");
+    let id = |visit: &Value| visit["visit"].as_str().expect("a text")[..9].to_owned();
+    let dropped = fixture.run(&["map", "drop", "street.map", &id(&listed[0])]);
+    assert_eq!(dropped.code, 0, "{dropped:?}");
+    let accepted = fixture.run(&["map", "accept", "street.map", &id(&listed[1])]);
+    assert_eq!(accepted.code, 0, "{accepted:?}");
+    assert!(held().is_empty());
+    fixture.fails(
+        &["map", "accept", "street.map", &id(&listed[1])],
+        &["no visit that is held"],
+    );
+    assert_eq!(fixture.run(&["map", "verify", "street.map"]).code, 0);
+
+    let num_visits = || {
+        let map = Map::open_read_only(fixture.path("street.map")).expect("a map");
+        map.snapshot().summary().num_visits
+    };
+    assert_eq!(num_visits(), 26);
+    let forgotten = fixture.run(&["map", "forget", "street.map", "--session", "odd"]);
+    assert!(
+        forgotten.stdout.contains("2 visits forgotten"),
+        "{forgotten:?}"
+    );
+    assert_eq!(num_visits(), 24);
+    fixture.fails(
+        &["map", "forget", "street.map", "--session", "odd"],
+        &["no visits of session"],
+    );
+    assert_eq!(fixture.run(&["map", "verify", "street.map"]).code, 0);
+}
+
+#[test]
+fn edges_are_listed_added_and_removed() {
+    let fixture = Fixture::with_map();
+    let edges = || {
+        fixture
+            .run(&["map", "edge", "street.map", "list", "--json"])
+            .lines()
+    };
+    assert_eq!(edges().len(), 2);
+    let add = [
+        "map",
+        "edge",
+        "street.map",
+        "add",
+        "place-02",
+        "place-03",
+        "--name",
+        "alley",
+    ];
+    assert_eq!(fixture.run(&add).code, 0);
+    // What is there already changes nothing.
+    assert_eq!(fixture.run(&add).code, 0);
+    assert_eq!(edges().len(), 3);
+    assert_eq!(edges()[2]["name"], "alley");
+    let remove = [
+        "map",
+        "edge",
+        "street.map",
+        "remove",
+        "place-00",
+        "place-01",
+    ];
+    fixture.fails(
+        &[&remove[..], &["--name", "lane"]].concat(),
+        &["no such edge"],
+    );
+    assert_eq!(fixture.run(&remove).code, 0);
+    assert_eq!(edges().len(), 2);
+    fixture.fails(&remove, &["no such edge"]);
+    fixture.fails(
+        &["map", "edge", "street.map", "add", "place-00", "nowhere"],
+        &["`nowhere`"],
+    );
+    assert_eq!(fixture.run(&["map", "verify", "street.map"]).code, 0);
+}

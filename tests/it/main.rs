@@ -9,6 +9,8 @@ mod exchange;
 mod feature;
 #[cfg(feature = "opencv")]
 mod feature_opencv;
+mod guard;
+mod life;
 mod localize;
 mod map;
 mod matching;

@@ -613,9 +613,31 @@ fn after_commits(start: &Snapshot, from: u64, to: u64) -> Snapshot {
     snapshot
 }
 
+/// Starts one test of this program again as another process, which finds `path` in `variable`; gives it and
+/// the lines that it prints.
+pub(crate) fn start_again(
+    test: &str,
+    variable: &str,
+    path: &Path,
+) -> (
+    std::process::Child,
+    impl Iterator<Item = String> + Send + use<>,
+) {
+    use std::io::{BufRead, BufReader};
+
+    let mut child = std::process::Command::new(std::env::current_exe().expect("running"))
+        .args(["--exact", test, "--nocapture"])
+        .env(variable, path)
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .expect("can be started");
+    let output = BufReader::new(child.stdout.take().expect("piped"));
+    (child, output.lines().map_while(Result::ok))
+}
+
 #[test]
 fn a_killed_writer_loses_nothing_it_acknowledged() {
-    use std::io::{BufRead, BufReader, Write};
+    use std::io::Write;
 
     const FILE: &str = "CHRONOTOPE_TEST_KILLED_WRITER";
     const ROUNDS: u64 = 24;
@@ -632,18 +654,11 @@ fn a_killed_writer_loses_nothing_it_acknowledged() {
     let (_folder, path) = folder();
     let mut known = Snapshot::clone(&Map::create(&path, meta()).expect("new").snapshot());
     for round in 0..ROUNDS {
-        let mut writer = std::process::Command::new(std::env::current_exe().expect("running"))
-            .args([
-                "--exact",
-                "map::a_killed_writer_loses_nothing_it_acknowledged",
-            ])
-            .arg("--nocapture")
-            .env(FILE, &path)
-            .stdout(std::process::Stdio::piped())
-            .spawn()
-            .expect("can be started");
-        let output = BufReader::new(writer.stdout.take().expect("piped"));
-        let mut lines = output.lines().map_while(Result::ok);
+        let (mut writer, mut lines) = start_again(
+            "map::a_killed_writer_loses_nothing_it_acknowledged",
+            FILE,
+            &path,
+        );
         let acknowledged = |line: String| line.strip_prefix("committed ")?.parse::<u64>().ok();
         let mut last = lines.by_ref().find_map(acknowledged).expect("one commit");
         // Another process reads meanwhile: no error, and nothing older than what was acknowledged.
@@ -672,7 +687,7 @@ fn a_killed_writer_loses_nothing_it_acknowledged() {
 
 #[test]
 fn a_killed_prune_or_rollback_leaves_the_map_whole() {
-    use std::io::{BufRead, BufReader, Write};
+    use std::io::Write;
 
     const FILE: &str = "CHRONOTOPE_TEST_KILLED_PRUNE";
     if let Some(path) = std::env::var_os(FILE) {
@@ -690,18 +705,11 @@ fn a_killed_prune_or_rollback_leaves_the_map_whole() {
     let (map, snapshot) = small(&path);
     drop(map);
     for round in 0..12_u64 {
-        let mut writer = std::process::Command::new(std::env::current_exe().expect("running"))
-            .args([
-                "--exact",
-                "map::a_killed_prune_or_rollback_leaves_the_map_whole",
-            ])
-            .arg("--nocapture")
-            .env(FILE, &path)
-            .stdout(std::process::Stdio::piped())
-            .spawn()
-            .expect("can be started");
-        let output = BufReader::new(writer.stdout.take().expect("piped"));
-        let mut lines = output.lines().map_while(Result::ok);
+        let (mut writer, mut lines) = start_again(
+            "map::a_killed_prune_or_rollback_leaves_the_map_whole",
+            FILE,
+            &path,
+        );
         assert!(lines.by_ref().any(|line| line == "pruned"));
         std::thread::sleep(std::time::Duration::from_micros(round * 911 % 4001));
         writer.kill().expect("runs");

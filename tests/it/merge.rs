@@ -6,7 +6,8 @@ use chronotope::feature::{Descriptor, Features, Keypoint};
 use chronotope::learn::{KeepAppearances, LearnConfig, Learner, Observation, merge, relearn};
 use chronotope::localize::Preset;
 use chronotope::map::{
-    AppearanceUse, Edge, MapMeta, Node, PlaceKey, SessionId, Snapshot, Visit, VisitId, derived_uuid,
+    AppearanceUse, Edge, MapMeta, Node, PlaceKey, Reobservation, SessionId, Snapshot, Visit,
+    VisitId, derived_uuid,
 };
 use chronotope::visibility::{BitRow, Observation as Statement};
 use chronotope::{ErrorKind, Time};
@@ -284,6 +285,13 @@ fn learning_a_union_again_is_learning_it_at_once() {
     let odd = learn(0..12, |number| number >= 8 || number % 3 != 1);
     let cfg = LearnConfig::preset(Preset::Default);
     let parts = merge(&[&odd, &early]).expect("no conflicts");
+    // What was counted is kept, and counted once however often it is merged.
+    let counted = |map: &Snapshot| {
+        let counted = Reobservation::of(map).expect("readable");
+        counted.num_displacements()
+    };
+    assert!(counted(&parts) >= counted(&odd).max(counted(&early)) && counted(&early) > 0);
+    assert!(merge(&[&early, &parts]).expect("no conflicts") == parts);
     // Two robots' features of one thing are two until they are learnt again.
     assert!(parts.summary().num_features > whole.summary().num_features);
     let again = relearn(cfg.clone(), &parts).expect("all are kept");

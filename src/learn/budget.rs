@@ -1,0 +1,324 @@
+//! What may be forgotten, so that a map does not grow for ever?
+//!
+//! A place that exceeds its [`BudgetConfig`] gives up the least useful of its features, down to three quarters of
+//! what it may have, so that this happens once in many visits and a visit costs O(features) on average.
+//!
+//! *Features* go by expected usefulness over the coming year, never by age: the evidence that a feature is
+//! expected to give to a query at this place, in nats,
+//!
+//! ```text
+//! U = mean over t of  p(t) ln(p(t) / q) + (1 - p(t)) ln((1 - p(t)) / (1 - q))
+//! p(t) = (n p_model(t) + n0 p_place) / (n + n0)
+//! q    = (found at other places + 20 * 0.01) / (other places asked + 20)
+//! ```
+//!
+//! which is what `localize` adds up: p(t) is how likely it is seen here, q how likely something like it is seen
+//! elsewhere. t runs over [`NUM_TIMES`] moments of the year after the last visit. n is how often it could have been
+//! seen *after* its birth (a birth is no evidence) and `p_place` the rate of all features of the place, so that one that
+//! was born yesterday is neither despised nor taken at its only word.
+//!
+//! *Visits* go by lot, not by age: of those before the newest quarter, the ones with the smallest identities stay.
+//! An identity is a hash, so what stays is a uniform sample of the past, whatever its rhythms, and the same
+//! one wherever it is drawn. `Deviation:` the history beyond the horizon is thinned, not folded into sums: every
+//! model is fitted from the log, and only some could go on from sums. The newest quarter weighs more than
+//! its share of time.
+//!
+//! Bytes are those of features, logs and appearances in memory ([`Node::num_bytes`]). Where they are exceeded,
+//! features and visits go in the same proportion; where the whole map exceeds its bytes, at every place.
+
+use serde::{Deserialize, Serialize};
+
+use super::{LearnConfig, Scratch};
+use crate::error::{Error, ErrorKind, Result};
+use crate::feature::FeaturesView;
+use crate::map::{Node, Snapshot};
+use crate::matching::Matcher;
+use crate::time::Period;
+use crate::visibility::{self, Observation, Visits};
+
+/// Moments of the coming year at which p(t) is asked for: a prime, so that they fall on all hours and weekdays.
+const NUM_TIMES: i64 = 97;
+/// n0: so many visits at the rate of the place are added to those of each feature.
+const RATE_PRIOR: f64 = 2.0;
+/// So many trials at the usual false rate are added to those of each feature.
+const FALSE_PRIOR: f64 = 20.0;
+const FALSE_RATE: f64 = 0.01;
+/// Features are looked for at so many other places, evenly spread over the map.
+const MAX_OTHERS: usize = 16;
+/// What is left when a budget was exceeded, as a share of it.
+const LEFT_NUMERATOR: usize = 3;
+const LEFT_DENOMINATOR: usize = 4;
+
+/// How large a map may become; without a number there is no bound.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
+pub struct BudgetConfig {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    features_per_place: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    visits_per_place: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bytes_per_place: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bytes: Option<usize>,
+}
+
+impl BudgetConfig {
+    pub(super) fn check(&self) -> Result<()> {
+        let least = [
+            ("features-per-place", self.features_per_place, 4),
+            ("visits-per-place", self.visits_per_place, 4),
+            ("bytes-per-place", self.bytes_per_place, 1 << 16),
+            ("bytes", self.bytes, 1 << 16),
+        ];
+        match least
+            .iter()
+            .find(|(_, most, least)| most.is_some_and(|most| most < *least))
+        {
+            Some((name, _, least)) => Err(Error::new(
+                ErrorKind::Config,
+                format!("budget: {name} must be at least {least}"),
+            )),
+            None => Ok(()),
+        }
+    }
+
+    /// A place has at most so many features.
+    #[must_use]
+    pub fn with_features_per_place(mut self, most: usize) -> Self {
+        self.features_per_place = Some(most);
+        self
+    }
+
+    /// A place remembers at most so many visits.
+    #[must_use]
+    pub fn with_visits_per_place(mut self, most: usize) -> Self {
+        self.visits_per_place = Some(most);
+        self
+    }
+
+    /// A place takes at most so many bytes.
+    #[must_use]
+    pub fn with_bytes_per_place(mut self, most: usize) -> Self {
+        self.bytes_per_place = Some(most);
+        self
+    }
+
+    /// All places together take at most so many bytes.
+    #[must_use]
+    pub fn with_bytes(mut self, most: usize) -> Self {
+        self.bytes = Some(most);
+        self
+    }
+
+    /// Whether anything is bounded.
+    pub fn is_bounded(&self) -> bool {
+        *self != Self::default()
+    }
+
+    /// The features of a place, at most.
+    pub fn features_per_place(&self) -> Option<usize> {
+        self.features_per_place
+    }
+
+    /// The visits of a place, at most.
+    pub fn visits_per_place(&self) -> Option<usize> {
+        self.visits_per_place
+    }
+
+    /// The bytes of a place, at most.
+    pub fn bytes_per_place(&self) -> Option<usize> {
+        self.bytes_per_place
+    }
+
+    /// The bytes of all places together, at most.
+    pub fn bytes(&self) -> Option<usize> {
+        self.bytes
+    }
+
+    /// How many features and visits the place may keep; `None` if it is within its budget.
+    pub(super) fn room(&self, node: &Node) -> Option<Room> {
+        let left = |number: usize, most: Option<usize>| match most {
+            Some(most) if number > most => most / LEFT_DENOMINATOR * LEFT_NUMERATOR,
+            _ => number,
+        };
+        let whole = Room::of(node);
+        let mut room = Room {
+            num_features: left(whole.num_features, self.features_per_place),
+            num_visits: left(whole.num_visits, self.visits_per_place),
+        };
+        if let Some(most) = self.bytes_per_place {
+            room = room.within(whole.scaled(node.num_bytes(), most));
+        }
+        (room != whole).then_some(room)
+    }
+}
+
+/// What a place may keep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Room {
+    num_features: usize,
+    num_visits: usize,
+}
+
+impl Room {
+    pub(super) fn of(node: &Node) -> Self {
+        Self {
+            num_features: node.features.len(),
+            num_visits: node.visits.len(),
+        }
+    }
+
+    /// In proportion, if `num_bytes` exceed `most`.
+    pub(super) fn scaled(self, num_bytes: usize, most: usize) -> Self {
+        if num_bytes <= most {
+            return self;
+        }
+        let share = |number: usize| {
+            let left = most as u128 * LEFT_NUMERATOR as u128 / LEFT_DENOMINATOR as u128;
+            (number as u128 * left / num_bytes.max(1) as u128).max(1) as usize
+        };
+        Self {
+            num_features: share(self.num_features),
+            num_visits: share(self.num_visits),
+        }
+    }
+
+    fn within(self, other: Self) -> Self {
+        Self {
+            num_features: self.num_features.min(other.num_features),
+            num_visits: self.num_visits.min(other.num_visits),
+        }
+    }
+}
+
+/// The place at `index` with the most useful of its features and a fair sample of its visits.
+pub(super) fn shrink(
+    cfg: &LearnConfig,
+    matcher: &Matcher,
+    scratch: &mut Scratch,
+    snapshot: &Snapshot,
+    index: usize,
+    room: Room,
+) -> Result<Node> {
+    let node = &*snapshot.nodes[index];
+    let features = if room.num_features < node.features.len() {
+        let others = others(snapshot, index);
+        let usefulness = usefulness(cfg, matcher, scratch, node, &others)?;
+        let mut ids: Vec<usize> = (0..usefulness.len()).collect();
+        ids.sort_by(|&a, &b| usefulness[b].total_cmp(&usefulness[a]).then(a.cmp(&b)));
+        let mut kept = vec![false; ids.len()];
+        (ids.iter().take(room.num_features)).for_each(|&id| kept[id] = true);
+        kept
+    } else {
+        vec![true; node.features.len()]
+    };
+    node.retained(&sample(node, room.num_visits), &features)
+}
+
+/// Which visits stay: the newest quarter of `num_visits`, and of the others those with the smallest identities.
+fn sample(node: &Node, num_visits: usize) -> Vec<bool> {
+    let all = node.visits.len();
+    let num_new = num_visits.div_ceil(LEFT_DENOMINATOR).min(all);
+    let mut old: Vec<usize> = (0..all - num_new).collect();
+    old.sort_by_key(|&visit| node.visits[visit].id);
+    old.truncate(num_visits.saturating_sub(num_new));
+    let mut kept = vec![false; all];
+    (old.into_iter().chain(all - num_new..all)).for_each(|visit| kept[visit] = true);
+    kept
+}
+
+/// The features of some other places, evenly spread over the map.
+fn others(snapshot: &Snapshot, own: usize) -> Vec<FeaturesView<'_>> {
+    let others: Vec<&Node> = (snapshot.nodes.iter().enumerate())
+        .filter(|&(index, node)| index != own && !node.features.is_empty())
+        .map(|(_, node)| &**node)
+        .collect();
+    let num = others.len().min(MAX_OTHERS);
+    (0..num)
+        .map(|at| others[at * others.len() / num].features.view())
+        .collect()
+}
+
+/// U of every feature of a place. One fit and O(features * (times + features of the others)).
+fn usefulness(
+    cfg: &LearnConfig,
+    matcher: &Matcher,
+    scratch: &mut Scratch,
+    node: &Node,
+    others: &[FeaturesView<'_>],
+) -> Result<Vec<f64>> {
+    let len = node.features.len();
+    let mut num_found = vec![0_u32; len];
+    for &other in others {
+        let matches = &mut scratch.matches;
+        matcher.matches_into(&mut scratch.matching, node.features.view(), other, matches);
+        for found in matches.iter() {
+            num_found[found.map as usize] += 1;
+        }
+    }
+    let q: Vec<f64> = (num_found.iter())
+        .map(|&found| {
+            let tried = others.len() as f64 + FALSE_PRIOR;
+            (f64::from(found) + FALSE_PRIOR * FALSE_RATE) / tried
+        })
+        .collect();
+    let mut trials = vec![0_u32; len];
+    let (mut num_trials, mut num_seen) = (0_u64, 0_u64);
+    for visit in 0..node.visits.len() {
+        for (id, trials) in trials.iter_mut().enumerate() {
+            match node.log.observation(visit, id) {
+                Some(Observation::Seen | Observation::NotSeen) if node.log.birth(id) == visit => {}
+                Some(Observation::NotObservable) | None => {}
+                Some(seen) => {
+                    *trials += 1;
+                    num_trials += 1;
+                    num_seen += u64::from(seen == Observation::Seen);
+                }
+            }
+        }
+    }
+    let p_place = (num_seen as f64 + 0.5) / (num_trials as f64 + 1.0);
+    let model = visibility::fit(&node.log, cfg.experience().visibility(), Visits::All)?;
+    let last = (node.log.times().iter().max().copied()).unwrap_or_default();
+    let mut p_model = vec![0.0; len];
+    let mut usefulness = vec![0.0; len];
+    for number in 0..NUM_TIMES {
+        let step_us = Period::YEAR.as_us() / NUM_TIMES;
+        model.predict_into(last.plus_us((number + 1) * step_us), &mut p_model);
+        for (id, sum) in usefulness.iter_mut().enumerate() {
+            let n = f64::from(trials[id]);
+            let p = (n * p_model[id] + RATE_PRIOR * p_place) / (n + RATE_PRIOR);
+            *sum += evidence(p, q[id]) / NUM_TIMES as f64;
+        }
+    }
+    Ok(usefulness)
+}
+
+/// The expected log odds of "here" against "elsewhere", nats (a Kullback-Leibler divergence): never negative.
+fn evidence(p: f64, q: f64) -> f64 {
+    let term = |p: f64, q: f64| if p > 0.0 { p * (p / q).ln() } else { 0.0 };
+    term(p, q) + term(1.0 - p, 1.0 - q)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn evidence_is_of_what_is_seen_here_and_not_elsewhere() {
+        assert!(evidence(0.2, 0.2).abs() < 1e-12);
+        assert!(evidence(0.9, 0.01) > evidence(0.5, 0.01));
+        assert!(evidence(0.5, 0.01) > evidence(0.5, 0.3));
+        assert!((evidence(0.0, 0.01) + 0.99_f64.ln()).abs() < 1e-12);
+        assert!(evidence(1.0, 0.5).is_finite());
+    }
+
+    #[test]
+    fn budgets_that_hold_nothing_are_refused() {
+        let few = BudgetConfig::default().with_features_per_place(3);
+        assert!(few.check().is_err());
+        assert!(BudgetConfig::default().with_bytes(1000).check().is_err());
+        assert!(BudgetConfig::default().check().is_ok());
+    }
+}

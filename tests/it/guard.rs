@@ -1,0 +1,247 @@
+//! A visit that is not what it seems does not change the map, until somebody says that it should.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, OnceLock};
+
+use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
+use chronotope::feature::{Extractor, ExtractorConfig, Features, GrayImage};
+use chronotope::learn::{
+    Circumstances, ClockPolicy, GuardConfig, Judge, LearnConfig, Learner, Learnt, Observation,
+    forget_session,
+};
+use chronotope::localize::{Decision, Localizer, LocalizerConfig, Preset, Query};
+use chronotope::map::{ClockFault, Doubt, Held, MapMeta, SessionId, Snapshot, derived_uuid};
+use chronotope::{ErrorKind, Time};
+
+const NUM_PLACES: usize = 4;
+
+fn world() -> &'static World {
+    static WORLD: OnceLock<World> = OnceLock::new();
+    WORLD.get_or_init(|| {
+        World::new(&WorldConfig::new(1100).num_places(NUM_PLACES)).expect("a valid world")
+    })
+}
+
+fn extractor() -> Box<dyn Extractor> {
+    ExtractorConfig::default().build().expect("the default")
+}
+
+/// One image, and what is said of it.
+struct Seen {
+    place: usize,
+    time: Time,
+    image: GrayImage,
+    features: Features,
+}
+
+fn seen(place: usize, time: Time, image: GrayImage) -> Seen {
+    let features = extractor().extract(&image, None).expect("an image");
+    Seen {
+        place,
+        time,
+        image,
+        features,
+    }
+}
+
+fn visits(times: &[Time], number: u64) -> Vec<Seen> {
+    let places = |&time| (0..NUM_PLACES).map(move |place| (place, time));
+    (times.iter().flat_map(places))
+        .map(|(place, time)| seen(place, time, world().render(place, time, number)))
+        .collect()
+}
+
+fn observe(learner: &mut Learner, session: &str, it: &Seen) -> chronotope::Result<Learnt> {
+    let observation = Observation {
+        place: world().places()[it.place].clone(),
+        session: SessionId::derive(session),
+        time: it.time,
+        features: &it.features,
+        image_size: (it.image.width() as u32, it.image.height() as u32),
+        mask: None,
+        source: format!("{session} {} {}", it.place, it.time),
+    };
+    let circumstances = Circumstances {
+        gray_range: it.image.gray_range(None),
+        ..Circumstances::default()
+    };
+    learner.observe_under(&observation, &circumstances)
+}
+
+fn schedule() -> Schedule {
+    Schedule::standard(1100, 30, 10)
+}
+
+/// A year of honest visits.
+fn clean() -> &'static Snapshot {
+    static CLEAN: OnceLock<Snapshot> = OnceLock::new();
+    CLEAN.get_or_init(|| {
+        let extractor_id = extractor().id();
+        let meta = MapMeta::new(derived_uuid("guard"), extractor_id, "default");
+        let mut learner = Learner::new(LearnConfig::default(), meta);
+        for it in &visits(&schedule().learn, 0) {
+            observe(&mut learner, "honest", it).expect("fits");
+        }
+        Snapshot::clone(&learner.snapshot().expect("in step"))
+    })
+}
+
+/// A session that says "place 0" whatever it sees: images of the next place, then of a covered camera.
+fn poison() -> Vec<Seen> {
+    let mut images = Vec::new();
+    for (number, &time) in (5..).zip(&schedule().learn) {
+        let time = time.plus_us(366 * 86_400_000_000);
+        images.push(seen(0, time, world().render(1, time, number)));
+        // Black, with a little noise, as a sensor has it.
+        let noise = (0..448 * 384_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 30) as u8);
+        let black = GrayImage::new(448, 384, noise.collect()).expect("as many pixels");
+        images.push(seen(0, time.plus_us(1_000_000), black));
+    }
+    images
+}
+
+/// What is said of each query, and how many answers are right.
+fn answers(snapshot: &Snapshot) -> (Vec<Decision>, usize) {
+    let localizer = Localizer::new(
+        Arc::new(snapshot.clone()),
+        LocalizerConfig::preset(Preset::Default),
+    )
+    .expect("a map");
+    let mut scratch = localizer.scratch();
+    let mut num_right = 0;
+    let decisions = (visits(&schedule().query, 3).iter())
+        .map(|it| {
+            let query = Query {
+                features: &it.features,
+                time: Some(it.time),
+                image_size: None,
+            };
+            let answer = localizer.localize(&mut scratch, &query).expect("fits");
+            let right = snapshot.find(&world().places()[it.place]).expect("a place");
+            num_right += usize::from(answer.decision == Decision::At(right));
+            answer.decision
+        })
+        .collect();
+    (decisions, num_right)
+}
+
+#[test]
+fn a_poisoned_session_changes_nothing_with_the_guard_and_harms_without_it() {
+    let (before, num_right) = answers(clean());
+    let poison = poison();
+    let mut learner = Learner::resume(LearnConfig::default(), clean().clone()).expect("sound");
+    for it in &poison {
+        let learnt = observe(&mut learner, "poison", it).expect("fits");
+        match learnt.doubt {
+            Some(Doubt::Blind { gray_range, .. }) => assert_eq!(gray_range, Some((0, 3))),
+            Some(Doubt::Disagreement {
+                agreement,
+                threshold,
+                expected,
+                num_predicted,
+                ..
+            }) => {
+                assert!(agreement < threshold && threshold < expected);
+                assert!(num_predicted > 10);
+            }
+            other => panic!("{} at {}: {other:?}", it.place, it.time),
+        }
+    }
+    let guarded = learner.snapshot().expect("in step");
+    assert_eq!(guarded.nodes, clean().nodes);
+    assert_eq!(
+        Held::of(&guarded).expect("readable").visits().len(),
+        poison.len()
+    );
+    assert_eq!(answers(&guarded).0, before);
+
+    let blindly = GuardConfig::default().with_judge(Judge::Never);
+    let cfg = LearnConfig::default().with_guard(blindly);
+    let mut learner = Learner::resume(cfg, clean().clone()).expect("sound");
+    for it in &poison {
+        let learnt = observe(&mut learner, "poison", it).expect("fits");
+        assert_eq!(learnt.doubt, None);
+    }
+    let poisoned = learner.snapshot().expect("in step");
+    let (after, num_right_after) = answers(&poisoned);
+    println!(
+        "{num_right} of {} right, {num_right_after} after",
+        after.len()
+    );
+    assert!(num_right_after < num_right && after != before);
+
+    // What was learnt by mistake can be taken back, too.
+    let (forgotten, num_forgotten) =
+        forget_session(&poisoned, SessionId::derive("poison")).expect("it is there");
+    assert_eq!(num_forgotten, poison.len());
+    assert!(forgotten.check().is_ok());
+    assert_eq!(forgotten.nodes, clean().nodes);
+    assert_eq!(answers(&forgotten).1, num_right);
+    assert!(forget_session(&forgotten, SessionId::derive("poison")).is_err());
+}
+
+#[test]
+fn honest_visits_are_rarely_held_and_can_be_accepted_or_rejected() {
+    let mut learner = Learner::resume(LearnConfig::default(), clean().clone()).expect("sound");
+    let later = visits(&schedule().query, 8);
+    let mut held = BTreeMap::new();
+    for it in &later {
+        let learnt = observe(&mut learner, "later", it).expect("fits");
+        if let Some(doubt) = learnt.doubt {
+            println!("place {} at {}: {doubt}", it.place, it.time);
+            held.insert((it.place, it.time), doubt);
+        }
+    }
+    assert!(held.len() * 10 <= later.len(), "{} held", held.len());
+
+    // One image that shows another place: accepted by mistake, or rejected.
+    let before = learner.snapshot().expect("in step");
+    let wrong = &poison()[0];
+    let learnt = observe(&mut learner, "wrong", wrong).expect("fits");
+    assert!(learnt.doubt.is_some());
+    let id = learner.held().visits().last().expect("held").id;
+    // It is held once, however often it comes.
+    assert_eq!(
+        observe(&mut learner, "wrong", wrong).expect("fits").doubt,
+        learnt.doubt
+    );
+    assert_eq!(learner.held().visits().len(), held.len() + 1);
+    let mut other = Learner::resume(
+        LearnConfig::default(),
+        Snapshot::clone(&learner.snapshot().expect("in step")),
+    )
+    .expect("sound");
+    other.reject(id).expect("held");
+    assert_eq!(other.snapshot().expect("in step"), before);
+    learner.accept(id).expect("held");
+    let error = learner.accept(id).expect_err("learnt by now");
+    assert_eq!(error.kind(), ErrorKind::Config);
+    let after = learner.snapshot().expect("in step");
+    assert_eq!(after.summary().num_visits, before.summary().num_visits + 1);
+    assert!(after.nodes[0].visits.iter().any(|visit| visit.id == id));
+}
+
+#[test]
+fn a_time_that_cannot_be_right_is_held_refused_or_ignored_as_wished() {
+    let first = &visits(&schedule().query[..1], 9)[0];
+    let unset = Seen {
+        place: first.place,
+        time: Time::from_s(20),
+        image: first.image.clone(),
+        features: first.features.clone(),
+    };
+    let learner = |policy| {
+        let guard = GuardConfig::default().with_clock(policy);
+        let cfg = LearnConfig::default().with_guard(guard);
+        Learner::resume(cfg, clean().clone()).expect("sound")
+    };
+    let held = observe(&mut learner(ClockPolicy::Hold), "unset", &unset).expect("held");
+    let is_unset =
+        |doubt: &Doubt| matches!(doubt, Doubt::Clock { fault, .. } if *fault == ClockFault::Unset);
+    assert!(held.doubt.as_ref().is_some_and(is_unset));
+    let error = observe(&mut learner(ClockPolicy::Refuse), "unset", &unset).expect_err("refused");
+    assert_eq!(error.kind(), ErrorKind::Time);
+    assert!(error.to_string().contains("never set"), "{error}");
+    let ignored = observe(&mut learner(ClockPolicy::Ignore), "unset", &unset).expect("fits");
+    assert!(!ignored.doubt.as_ref().is_some_and(is_unset));
+}

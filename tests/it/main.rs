@@ -9,6 +9,7 @@ mod exchange;
 mod feature;
 #[cfg(feature = "opencv")]
 mod feature_opencv;
+mod large_map;
 mod localize;
 mod map;
 mod matching;

@@ -39,7 +39,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-pub use calibration::{Calibration, Curve, Temper};
+pub use calibration::{ATTACHMENT, Calibration, Curve, Temper};
 pub use config::{Candidates, LocalizerConfig, Method, Preset, Score};
 pub use localization::{Candidate, Decision, EvidenceMatch, Localization, Reason};
 pub use sweep::{Sweep, Tally};
@@ -140,15 +140,18 @@ struct Verify {
 
 impl Localizer {
     /// Fits the visibility model of every place of `snapshot`, and calibrates what matches are worth on
-    /// its past visits (unless [`LocalizerConfig::calibrated`] says no). Places are fitted on the threads of
-    /// the caller's rayon pool.
+    /// its past visits (unless [`LocalizerConfig::calibrated`] says no), or takes the calibration that was
+    /// attached to the map ([`to_attachment`](Self::to_attachment)) and still fits it. Places are fitted on
+    /// the threads of the caller's rayon pool.
     ///
     /// Fails with [`ErrorKind::Config`] if the map has no places, or none of the appearances that the
     /// method needs were kept.
     pub fn new(snapshot: Arc<Snapshot>, cfg: LocalizerConfig) -> Result<Self> {
         let mut localizer = Self::uncalibrated(snapshot, cfg)?;
         if localizer.cfg.calibrated() {
-            localizer.calibration = Some(Arc::new(Calibration::learn(&localizer)?));
+            let attached = Calibration::attached(&localizer.snapshot, &localizer.cfg);
+            let known = attached.map_or_else(|| Calibration::learn(&localizer), Ok)?;
+            localizer.calibration = Some(Arc::new(known));
         }
         Ok(localizer)
     }

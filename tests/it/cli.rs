@@ -1521,3 +1521,24 @@ fn what_is_located_is_learnt_only_if_that_is_asked_for() {
     assert_eq!(visits(), num_before);
     assert!(fixture.run(&["map", "verify", "street.map"]).code == 0);
 }
+
+#[test]
+fn a_map_is_calibrated_once_and_answers_as_before() {
+    let fixture = Fixture::with_map();
+    let ask = ["localize", "street.map", "query1.png", "--time", QUERY_TIME];
+    let before = fixture.run(&ask);
+    let first = fixture.run(&["map", "calibrate", "street.map"]);
+    assert_eq!(first.code, 0, "{first:?}");
+    assert!(first.stdout.contains("past images"), "{first:?}");
+    let again = fixture.run(&["map", "calibrate", "street.map"]);
+    assert!(again.stdout.contains("calibrated already"), "{again:?}");
+    assert_eq!(fixture.run(&ask).stdout, before.stdout);
+    fixture.write(
+        "count.toml",
+        "[localize]\nscore = \"count\"\ncalibrated = false\n",
+    );
+    fixture.fails(
+        &["map", "calibrate", "street.map", "--config", "count.toml"],
+        &["street.map", "calibrated = true"],
+    );
+}

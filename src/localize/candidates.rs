@@ -315,7 +315,9 @@ fn weigh(signature: &mut [f32], rarity: &[f32]) {
     }
     let length = signature.iter().map(|w| w * w).sum::<f32>().sqrt();
     if length > 0.0 {
-        signature.iter_mut().for_each(|weight| *weight /= length);
+        for weight in signature {
+            *weight /= length;
+        }
     }
 }
 

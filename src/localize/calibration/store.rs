@@ -27,10 +27,13 @@ pub const ATTACHMENT: &str = "calibration";
 /// Grows when what is stored changes its meaning.
 const VERSION: u32 = 1;
 
+/// A SHA-256.
+type Key = [u8; 32];
+
 #[derive(Serialize)]
 struct Written<'a> {
     version: u32,
-    key: &'a str,
+    key: Key,
     calibration: &'a Calibration,
 }
 
@@ -38,7 +41,7 @@ struct Written<'a> {
 #[serde(deny_unknown_fields)]
 struct Read {
     version: u32,
-    key: String,
+    key: Key,
     calibration: Calibration,
 }
 
@@ -87,8 +90,8 @@ impl Calibration {
     }
 }
 
-/// What a calibration was learnt from, in hexadecimal digits.
-fn key(snapshot: &Snapshot, cfg: &LocalizerConfig) -> Result<String> {
+/// What a calibration was learnt from.
+fn key(snapshot: &Snapshot, cfg: &LocalizerConfig) -> Result<Key> {
     // What a place is asked for later, and what is made of the answer, is not learnt from.
     let cfg = (cfg.clone())
         .with_selection(Selection::Top(1))
@@ -132,8 +135,7 @@ fn key(snapshot: &Snapshot, cfg: &LocalizerConfig) -> Result<String> {
             put(value);
         }
     }
-    let digest: [u8; 32] = sha.finalize().into();
-    Ok(digest.iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(sha.finalize().into())
 }
 
 impl Localizer {
@@ -148,7 +150,7 @@ impl Localizer {
         let key = key(&self.snapshot, &self.cfg)?;
         let written = Written {
             version: VERSION,
-            key: &key,
+            key,
             calibration,
         };
         let bytes = serde_json::to_vec(&written).map_err(|cause| {

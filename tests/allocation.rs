@@ -10,12 +10,15 @@ use std::sync::{Arc, OnceLock};
 
 use chronotope::Time;
 use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
-use chronotope::feature::{Extractor, Features, StarBrief};
+use chronotope::feature::{Descriptor, Extractor, Features, Keypoint, StarBrief};
 use chronotope::learn::{KeepAppearances, LearnConfig, Learner, Observation};
 use chronotope::localize::{
-    Localization, Localizer, LocalizerConfig, Method, Preset, Query, Score,
+    Candidates, Localization, Localizer, LocalizerConfig, Method, Preset, Query, Score,
 };
-use chronotope::map::{MapMeta, SessionId, Snapshot};
+use chronotope::map::{
+    AppearanceUse, MapMeta, Node, PlaceKey, SessionId, Snapshot, Visit, VisitId,
+};
+use chronotope::visibility::BitRow;
 
 /// Passes on to the system's allocator and counts the calls of each thread.
 struct Counting;
@@ -177,6 +180,77 @@ fn a_new_time_bucket_allocates_nothing_once_warm() {
         day(0..24);
         assert_eq!(allocations(|| day(24..30)), 0, "{}", preset.name());
     }
+}
+
+/// 400 places of 20 features each, seen at two visits.
+fn town() -> Snapshot {
+    let mut state = 88_172_645_463_325_252_u64;
+    let mut random = || {
+        // Xorshift (Marsaglia 2003).
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        state
+    };
+    let mut snapshot = Snapshot::empty(MapMeta::new(1, "none", "default"));
+    for place in 0..400_u32 {
+        let mut node = Node::new(PlaceKey::new(&format!("p{place}")).unwrap());
+        for _ in 0..20 {
+            let keypoint = Keypoint {
+                x: (random() % 400) as f32,
+                y: (random() % 300) as f32,
+                size: 10.0,
+                response: 1.0,
+            };
+            let descriptor = Descriptor(std::array::from_fn(|_| random()));
+            node.features.push(keypoint, descriptor);
+        }
+        for visit in 0..2_u32 {
+            let time = Time::from_s(1_700_000_000 + i64::from(visit) * 7_000);
+            let mut seen = BitRow::zeros(20);
+            for feature in 0..20 {
+                seen.set(feature);
+            }
+            node.log.push_visit(time, seen, None).unwrap();
+            node.visits.push(Visit {
+                id: VisitId(u128::from(place * 2 + visit)),
+                session: SessionId::derive("town"),
+                time,
+                source: String::new(),
+                appearance: None,
+                appearance_use: AppearanceUse::Recognised,
+            });
+        }
+        snapshot.nodes.push(Arc::new(node));
+    }
+    snapshot
+}
+
+#[test]
+fn short_lists_of_places_allocate_nothing_once_warm() {
+    let snapshot = Arc::new(town());
+    let cfg = LocalizerConfig::default().with_candidates(Candidates::Inverted);
+    let localizer = Localizer::new(Arc::clone(&snapshot), cfg).unwrap();
+    let mut scratch = localizer.scratch();
+    let mut out = Localization::default();
+    let mut ask_all = || {
+        for node in snapshot.nodes.iter().step_by(13) {
+            let query = Query {
+                features: &node.features,
+                time: Some(Time::from_s(1_700_020_000)),
+                image_size: None,
+            };
+            localizer
+                .localize_into(&mut scratch, &query, &mut out)
+                .unwrap();
+            let first = &localizer.snapshot().node(out.ranking[0].node);
+            assert_eq!(first.key, node.key);
+        }
+    };
+    ask_all();
+    ask_all();
+    assert_eq!(allocations(ask_all), 0);
+    assert!(out.ranking.len() < snapshot.nodes.len());
 }
 
 #[test]

@@ -71,7 +71,7 @@ enum Command {
         #[arg(long)]
         data: Option<PathBuf>,
         /// Sizes of the maps that are localised in, places.
-        #[arg(long, value_delimiter = ',', default_value = "10,1000,10000")]
+        #[arg(long, value_delimiter = ',', default_value = "5,10,1000,10000")]
         nodes: Vec<usize>,
         /// Sizes of the sets that are searched, descriptors.
         #[arg(long, value_delimiter = ',', default_value = "400,40000,500000")]

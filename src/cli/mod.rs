@@ -6,6 +6,7 @@
 //! its arguments, calls the rooms below and shows what they say.
 
 mod build;
+mod calibrate;
 mod check;
 mod config;
 mod edge;
@@ -91,6 +92,7 @@ enum MapCommand {
     Update(build::UpdateArgs),
     Inspect(inspect::InspectArgs),
     Verify(inspect::VerifyArgs),
+    Calibrate(calibrate::CalibrateArgs),
     Merge(merge::MergeArgs),
     Export(exchange::ExportArgs),
     Import(exchange::ImportArgs),
@@ -173,6 +175,7 @@ impl Cli {
             Command::Map(MapCommand::Update(args)) => build::update(&args, &mut out),
             Command::Map(MapCommand::Inspect(args)) => inspect::inspect(&args, &mut out),
             Command::Map(MapCommand::Verify(args)) => inspect::verify(&args, &mut out),
+            Command::Map(MapCommand::Calibrate(args)) => calibrate::run(&args, &mut out),
             Command::Map(MapCommand::Merge(args)) => merge::run(&args, &mut out),
             Command::Map(MapCommand::Export(args)) => exchange::export(&args, &mut out),
             Command::Map(MapCommand::Import(args)) => exchange::import(&args, &mut out),

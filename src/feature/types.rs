@@ -273,9 +273,9 @@ impl Features {
     }
 
     /// Appends all features of `other`.
-    pub fn append_all(&mut self, other: &Self) {
-        self.keypoints.extend_from_slice(&other.keypoints);
-        self.descriptors.extend_from_slice(&other.descriptors);
+    pub fn append_view(&mut self, other: FeaturesView<'_>) {
+        self.keypoints.extend_from_slice(other.keypoints);
+        self.descriptors.extend_from_slice(other.descriptors);
     }
 
     /// All of them, borrowed.

@@ -144,6 +144,22 @@ pub enum Evidence {
     Repeatability,
 }
 
+/// Which places are matched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Candidates {
+    /// All, up to the size of map from which on `inverted` was measured to be faster.
+    Auto,
+    /// All, whatever the size: nothing is missed.
+    Exact,
+    /// In maps of more than 256 places, those whose predicted features find most in the image, by an
+    /// inverted file.
+    Inverted,
+    /// In maps of more than 256 places, those whose binary words are most like the image's, by one
+    /// signature a place.
+    Words,
+}
+
 /// A named set of defaults, used alike by the command, suites and records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -210,6 +226,7 @@ struct Fields {
     risk: f64,
     min_score: u32,
     time_bucket_s: u32,
+    candidates: Candidates,
     matching: MatchConfig,
     vote: VoteConfig,
     visibility: VisibilityConfig,
@@ -273,6 +290,7 @@ impl LocalizerConfig {
                 risk: 0.1,
                 min_score: 1,
                 time_bucket_s: 0,
+                candidates: Candidates::Exact,
                 matching: MatchConfig::lttl(Direction::LiveToMap),
                 vote: VoteConfig::default(),
                 visibility: VisibilityConfig::lttl(),
@@ -288,6 +306,7 @@ impl LocalizerConfig {
                 risk: 0.1,
                 min_score: 4,
                 time_bucket_s: 600,
+                candidates: Candidates::Auto,
                 matching: MatchConfig::default(),
                 vote: VoteConfig::default(),
                 visibility: VisibilityConfig::rhythms(),
@@ -380,6 +399,13 @@ impl LocalizerConfig {
         self
     }
 
+    /// Matches other places of a large map. Methods that remember appearances match all.
+    #[must_use]
+    pub fn with_candidates(mut self, candidates: Candidates) -> Self {
+        self.0.candidates = candidates;
+        self
+    }
+
     /// The method.
     pub fn method(&self) -> Method {
         self.0.method
@@ -428,6 +454,11 @@ impl LocalizerConfig {
     /// For how many seconds one prediction is used; 0 if for a single moment.
     pub fn time_bucket_s(&self) -> u32 {
         self.0.time_bucket_s
+    }
+
+    /// Which places are matched.
+    pub fn candidates(&self) -> Candidates {
+        self.0.candidates
     }
 
     /// The middle of the bucket that `time` is in; buckets begin at whole multiples of their length since

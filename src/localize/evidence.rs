@@ -174,6 +174,20 @@ impl Expectation {
         common + self.log_mean_over_witnesses(hits)
     }
 
+    /// The log odds where nothing is matched.
+    pub(super) fn of_nothing(&self) -> f64 {
+        self.nothing + self.log_mean_over_witnesses(&[])
+    }
+
+    /// About how much the match of one feature adds: as if all witnesses weighed alike.
+    pub(super) fn worth(&self, feature: usize) -> f64 {
+        let of_witnesses = self.seen.get(feature).map_or(0.0, |[missing, matched]| {
+            let share = f64::from(self.words[feature].count_ones()) / self.num_witnesses as f64;
+            share * (matched - missing)
+        });
+        self.matched[feature] + of_witnesses
+    }
+
     fn log_mean_over_witnesses(&self, hits: &[(u32, u16)]) -> f64 {
         if self.num_witnesses == 0 {
             return 0.0;

@@ -14,17 +14,20 @@
 //! make the same.
 //!
 //! Cost: what predicting costs, once a bucket; a lock and a reference count a query. Memory of a forecast
-//! that nobody holds any more is used for the next one, so a thread alone allocates nothing once warm.
+//! that nobody holds any more is used for the next one, so a thread alone allocates nothing once warm,
+//! but for the lists that candidates of a large map are found in.
 
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
+use super::candidates::{Finder, Shortlist, Voting};
 use super::evidence::Expectation;
 use super::{Localizer, Plan};
 use crate::feature::{Features, FeaturesView};
 use crate::map::NodeId;
+use crate::matching::SearchScratch;
 use crate::predict::PredictedMap;
 use crate::time::Time;
 
@@ -45,6 +48,9 @@ pub(super) struct Forecast {
     features: Features,
     /// What they would say, place by place; empty without calibration.
     expectations: Vec<Expectation>,
+    /// Their words, and the places that these vote for, where candidates are found so.
+    words: Vec<u32>,
+    voting: Option<Voting>,
 }
 
 impl Forecast {
@@ -69,9 +75,38 @@ impl Forecast {
         self.features.view().rows(self.rows(node.0 as usize))
     }
 
+    /// The predicted features of all places one after the other, and where each place's end.
+    pub(super) fn all_features(&self) -> (FeaturesView<'_>, &[usize]) {
+        (self.features.view(), &self.ends)
+    }
+
     /// What the features of a place say; `None` without calibration.
     pub(super) fn expectation(&self, node: NodeId) -> Option<&Expectation> {
         self.expectations.get(node.0 as usize)
+    }
+
+    /// Where candidates are found; `None` if every place is one.
+    pub(super) fn shortlist<'a>(&'a self, finder: &'a Finder) -> Option<&'a dyn Shortlist> {
+        match finder {
+            Finder::Exact => None,
+            Finder::Inverted(_) => self.voting.as_ref().map(|voting| voting as _),
+            Finder::Words(signatures) => Some(signatures.as_ref() as _),
+        }
+    }
+
+    /// Gathers the predicted features of some places, and where each place's end.
+    pub(super) fn gather_into(
+        &self,
+        places: &[u32],
+        features: &mut Features,
+        ends: &mut Vec<usize>,
+    ) {
+        features.truncate(0);
+        ends.clear();
+        for &place in places {
+            features.append_view(self.features(NodeId(place)));
+            ends.push(features.len());
+        }
     }
 
     /// Predicts the given places of `localizer`, in place of what was there.
@@ -105,6 +140,21 @@ impl Forecast {
             }
             self.ends.push(self.ids.len());
         }
+        self.words.clear();
+        self.voting = None;
+        if let Finder::Inverted(words) = &localizer.finder {
+            let scratch = &mut SearchScratch::default();
+            words.words_into(scratch, self.features.descriptors(), &mut self.words);
+        }
+    }
+
+    /// Lets features vote, once all places are there.
+    fn let_vote(&mut self, localizer: &Localizer) {
+        if let Finder::Inverted(words) = &localizer.finder
+            && !words.is_empty()
+        {
+            self.voting = Some(Voting::of(localizer, self, words, &self.words));
+        }
     }
 
     /// Puts the places of `next` behind its own.
@@ -113,8 +163,9 @@ impl Forecast {
         self.ends.extend(next.ends.iter().map(|end| start + end));
         self.ids.extend_from_slice(&next.ids);
         self.probabilities.extend_from_slice(&next.probabilities);
-        self.features.append_all(&next.features);
+        self.features.append_view(next.features.view());
         self.expectations.extend(next.expectations);
+        self.words.extend_from_slice(&next.words);
     }
 }
 
@@ -160,9 +211,15 @@ impl Localizer {
     /// Answers are the same without. A robot that must not miss a frame calls this from another thread
     /// with the time of its next bucket; the last two buckets are kept.
     pub fn anticipate(&self, time: Time) {
-        let time = self.middle_of_bucket(time);
-        if !self.predicts() || self.forecasts.get(time).is_some() {
-            return;
+        if self.predicts() {
+            self.forecast_by_all(self.middle_of_bucket(time));
+        }
+    }
+
+    /// The predicted maps at `time`, made on the threads of the caller's pool if they are not there.
+    pub(super) fn forecast_by_all(&self, time: Time) -> Arc<Forecast> {
+        if let Some(known) = self.forecasts.get(time) {
+            return known;
         }
         let num_nodes = self.plans.len();
         let parts: Vec<Forecast> = (0..num_nodes.div_ceil(PLACES_PER_TASK))
@@ -182,7 +239,10 @@ impl Localizer {
         for part in parts {
             whole.append(part);
         }
-        self.forecasts.keep(&Arc::new(whole));
+        whole.let_vote(self);
+        let whole = Arc::new(whole);
+        self.forecasts.keep(&whole);
+        whole
     }
 
     /// The predicted maps at `time`, which is the middle of a bucket.
@@ -194,6 +254,7 @@ impl Localizer {
         // Nobody else holds what was taken.
         if let Some(forecast) = Arc::get_mut(&mut forecast) {
             forecast.make(self, predicted, time, 0..self.plans.len());
+            forecast.let_vote(self);
         }
         self.forecasts.keep(&forecast);
         forecast

@@ -13,7 +13,8 @@ use crate::time::Time;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct Localization {
-    /// Every place, best score first, ties by lowest node.
+    /// Every place that was matched, best score first, ties by lowest node: all of them, or in a large map
+    /// those on a short list ([`Candidates`](super::Candidates)); the others count as the last of these.
     pub ranking: Vec<Candidate>,
     /// How many places share the best score; 1 where one place stands alone.
     pub tied: usize,
@@ -184,13 +185,12 @@ impl Localization {
         self.ranking.first()
     }
 
-    pub(super) fn restart(&mut self, num_nodes: usize, time: Option<Time>) {
+    pub(super) fn restart(&mut self, num_places: usize) {
         // Every place gets its own buffers back, which have grown to what it needs.
         self.ranking
             .sort_unstable_by_key(|candidate| candidate.node);
-        self.ranking.resize_with(num_nodes, Candidate::default);
+        self.ranking.resize_with(num_places, Candidate::default);
         self.pairs_compared = 0;
-        self.time = time;
     }
 
     /// Gives every place a share of the posterior by its score: an order, no probability.
@@ -283,6 +283,8 @@ impl Candidate {
     pub(super) fn predict(&mut self, features: &[u32], probabilities: &[f64]) {
         self.predicted.extend_from_slice(features);
         self.probabilities.extend_from_slice(probabilities);
+        // So that a place new to a short list does not allocate when it is found.
+        self.matches.reserve(features.len());
     }
 
     /// Takes over the evidence of the predicted map, or of one appearance if it is the first or says

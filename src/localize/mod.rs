@@ -14,20 +14,22 @@
 //! remembered appearances. The best of them speaks for the place where matches are counted; their mean
 //! likelihood does where evidence is weighed.
 //!
-//! Cost: with N places, n features each and m live ones, N (F + n log n) to predict, N n m Hamming
-//! distances to match and 64 N n additions to weigh; the experience methods match E appearances a
-//! place, E n m distances. [`Localizer::new`] fits and calibrates, which takes from a tenth of a second
-//! to a few seconds.
+//! Cost: with N places, n features each and m live ones, N (F + n log n) to predict, once a time bucket
+//! (`forecast.rs`); N n m Hamming distances to match and at most 64 additions a match to weigh, for each
+//! image. In a large map a short list takes the place of all N (`candidates.rs`). The experience methods
+//! match E appearances a place, E n m distances. [`Localizer::new`] fits and calibrates, which takes from
+//! a tenth of a second to a few seconds.
 //!
 //! Invariants: localising never changes the map; the answer depends on snapshot, configuration and
-//! query alone (ties go to the lowest node and are counted); with a warmed-up [`Scratch`] and output,
-//! nothing is allocated.
+//! query alone, not on earlier queries or threads (ties go to the lowest node and are counted); with a
+//! warmed-up [`Scratch`] and output, nothing is allocated.
 //!
 //! Each query stands alone; a [`Tracker`] follows a robot from image to image along the map's edges.
 //!
 //! Not for: metric poses (a displacement in px is all that one image gives).
 
 mod calibration;
+mod candidates;
 mod config;
 mod evidence;
 mod forecast;
@@ -37,15 +39,18 @@ mod tracking;
 
 use std::sync::Arc;
 
-pub use calibration::{Calibration, Curve, Temper};
-pub use config::{Evidence, LocalizerConfig, Method, Preset, Score};
+use rayon::prelude::*;
+
+pub use calibration::{ATTACHMENT, Calibration, Curve, Temper};
+pub use config::{Candidates, Evidence, LocalizerConfig, Method, Preset, Score};
 pub use localization::{Candidate, Decision, EvidenceMatch, Localization, Reason};
 pub use sweep::{Sweep, Tally};
 pub use tracking::{EdgeMotion, Motion, MotionConfig, Tracker, Transitions};
 
 use self::calibration::as_evidence;
+use self::candidates::{Finder, ShortlistScratch};
 use self::evidence::{Expectation, Hits, LogMean};
-use self::forecast::Forecasts;
+use self::forecast::{Forecast, Forecasts};
 use crate::error::{Error, ErrorKind, Result};
 use crate::feature::{Features, FeaturesView};
 use crate::map::{AppearanceUse, Node, NodeId, Snapshot};
@@ -102,6 +107,7 @@ pub struct Localizer {
     matcher: Matcher,
     plans: Vec<Plan>,
     calibration: Option<Arc<Calibration>>,
+    finder: Finder,
     forecasts: Forecasts,
 }
 
@@ -119,6 +125,10 @@ pub struct Scratch {
     matches: Vec<Match>,
     verify: Verify,
     expectation: Expectation,
+    shortlist: ShortlistScratch,
+    /// The places on the short list, and where the features of each end in `ranked`.
+    places: Vec<u32>,
+    ends: Vec<usize>,
     scores: Vec<f64>,
     posterior: Vec<f64>,
 }
@@ -133,14 +143,18 @@ struct Verify {
 
 impl Localizer {
     /// Fits the visibility model of every place of `snapshot`, and calibrates what matches are worth on
-    /// its past visits (unless [`LocalizerConfig::calibrated`] says no).
+    /// its past visits (unless [`LocalizerConfig::calibrated`] says no), or takes the calibration that was
+    /// attached to the map ([`to_attachment`](Self::to_attachment)) and still fits it. Places are fitted on
+    /// the threads of the caller's rayon pool.
     ///
     /// Fails with [`ErrorKind::Config`] if the map has no places, or none of the appearances that the
     /// method needs were kept.
     pub fn new(snapshot: Arc<Snapshot>, cfg: LocalizerConfig) -> Result<Self> {
         let mut localizer = Self::uncalibrated(snapshot, cfg)?;
         if localizer.cfg.calibrated() {
-            localizer.calibration = Some(Arc::new(Calibration::learn(&localizer)?));
+            let attached = Calibration::attached(&localizer.snapshot, &localizer.cfg);
+            let known = attached.map_or_else(|| Calibration::learn(&localizer), Ok)?;
+            localizer.calibration = Some(Arc::new(known));
         }
         Ok(localizer)
     }
@@ -159,7 +173,7 @@ impl Localizer {
             return Err(Error::new(ErrorKind::Config, "the map has no places")
                 .with_help("build it from at least one image of each place"));
         }
-        let plans = (snapshot.nodes.iter())
+        let plans = (snapshot.nodes.par_iter())
             .map(|node| Plan::of(node, &cfg))
             .collect::<Result<Vec<_>>>()?;
         let remembers = |plan: &Plan| match plan {
@@ -178,6 +192,7 @@ impl Localizer {
         }
         Ok(Self {
             matcher: Matcher::new(cfg.matching().clone()),
+            finder: Finder::new(&snapshot, &cfg),
             snapshot,
             cfg,
             plans,
@@ -195,6 +210,16 @@ impl Localizer {
     #[must_use]
     pub fn with_selection(mut self, selection: Selection) -> Self {
         self.cfg = self.cfg.with_selection(selection);
+        self.finder = Finder::new(&self.snapshot, &self.cfg);
+        self.forecasts = Forecasts::default();
+        self
+    }
+
+    /// The same with candidates found in another way; models are not fitted again.
+    #[must_use]
+    pub fn with_candidates(mut self, candidates: Candidates) -> Self {
+        self.cfg = self.cfg.with_candidates(candidates);
+        self.finder = Finder::new(&self.snapshot, &self.cfg);
         self.forecasts = Forecasts::default();
         self
     }
@@ -240,16 +265,60 @@ impl Localizer {
         out: &mut Localization,
     ) -> Result<()> {
         let time = self.check(query)?;
+        let forecast = (self.predicts()).then(|| self.forecast(&mut scratch.predicted, time));
+        self.answer(scratch, query, time, forecast.as_deref(), out);
+        Ok(())
+    }
+
+    /// [`localize`](Self::localize)s many images on the threads of the caller's rayon pool.
+    ///
+    /// The answers are in the order of the queries, and the same as one by one, for any number of threads.
+    /// Images of one time bucket share its prediction, so they need not be sorted. The first query that
+    /// does not fit is an error, and then nothing is localised.
+    pub fn localize_batch(&self, queries: &[Query<'_>]) -> Result<Vec<Localization>> {
+        let times = (queries.iter().map(|query| self.check(query))).collect::<Result<Vec<_>>>()?;
+        let mut order: Vec<usize> = (0..queries.len()).collect();
+        order.sort_by_key(|&query| times[query]);
+        let buckets: Vec<&[usize]> = (order.chunk_by(|&a, &b| times[a] == times[b])).collect();
+        let mut answers: Vec<(usize, Localization)> = (buckets.into_par_iter())
+            .flat_map(|bucket| {
+                let time = times[bucket[0]];
+                let forecast = self.predicts().then(|| self.forecast_by_all(time));
+                (bucket.into_par_iter()).map_init(Scratch::default, move |scratch, &query| {
+                    let mut out = Localization::default();
+                    self.answer(
+                        scratch,
+                        &queries[query],
+                        time,
+                        forecast.as_deref(),
+                        &mut out,
+                    );
+                    (query, out)
+                })
+            })
+            .collect();
+        answers.sort_unstable_by_key(|&(query, _)| query);
+        Ok(answers.into_iter().map(|(_, answer)| answer).collect())
+    }
+
+    /// Answers a query that fits, at the time to predict for; `forecast` is of that time, where the method
+    /// predicts.
+    fn answer(
+        &self,
+        scratch: &mut Scratch,
+        query: &Query<'_>,
+        time: Time,
+        forecast: Option<&Forecast>,
+        out: &mut Localization,
+    ) {
         let live = query.features.view();
-        out.restart(self.snapshot.nodes.len(), query.time);
-        if self.predicts() {
-            self.look_for_predicted(scratch, time, live, out);
-        } else {
-            self.look_for_appearances(scratch, time, live, out);
+        match forecast {
+            Some(forecast) => self.look_for_predicted(scratch, forecast, live, out),
+            None => self.look_for_appearances(scratch, time, live, out),
         }
+        out.time = query.time;
         self.weigh(scratch, out);
         out.decide(&self.cfg);
-        Ok(())
     }
 
     /// Whether places are matched by predicted maps, and not by remembered appearances.
@@ -257,23 +326,40 @@ impl Localizer {
         self.cfg.method().predicts()
     }
 
-    /// Matches the predicted map of each place with the live image.
+    /// Matches the predicted map of each place, or of each candidate, with the live image.
     fn look_for_predicted(
         &self,
         scratch: &mut Scratch,
-        time: Time,
+        forecast: &Forecast,
         live: FeaturesView<'_>,
         out: &mut Localization,
     ) {
-        let forecast = self.forecast(&mut scratch.predicted, time);
-        for (id, candidate) in (0..).map(NodeId).zip(&mut out.ranking) {
+        let Scratch {
+            matching,
+            verify,
+            ranked,
+            shortlist,
+            places,
+            ends,
+            ..
+        } = scratch;
+        let finder = forecast.shortlist(&self.finder);
+        if let Some(finder) = finder {
+            finder.shortlist_into(shortlist, live.descriptors, candidates::LENGTH, places);
+            forecast.gather_into(places, ranked, ends);
+        }
+        let (all, ends) = match finder {
+            Some(_) => (ranked.view(), &ends[..]),
+            None => forecast.all_features(),
+        };
+        out.restart(ends.len());
+        out.pairs_compared = (all.len() * live.len()) as u64;
+        (self.matcher).parts_into(matching, all, ends, live, |part, matches| {
+            let id = finder.map_or(NodeId(part as u32), |_| NodeId(places[part]));
+            let candidate = &mut out.ranking[part];
             candidate.restart(id);
             candidate.predict(forecast.ids(id), forecast.probabilities(id));
             let (ranked, expectation) = (forecast.features(id), forecast.expectation(id));
-            out.pairs_compared += (ranked.len() * live.len()) as u64;
-            let (matching, matches) = (&mut scratch.matching, &mut scratch.matches);
-            self.matcher.matches_into(matching, ranked, live, matches);
-            let verify = &mut scratch.verify;
             self.hear(
                 candidate,
                 verify,
@@ -282,7 +368,7 @@ impl Localizer {
                 matches,
                 expectation,
             );
-        }
+        });
     }
 
     /// Matches the remembered appearances of each place with the live image.
@@ -293,6 +379,7 @@ impl Localizer {
         live: FeaturesView<'_>,
         out: &mut Localization,
     ) {
+        out.restart(self.plans.len());
         for (id, candidate) in (0..).map(NodeId).zip(&mut out.ranking) {
             candidate.restart(id);
             let plan = &self.plans[id.0 as usize];
@@ -343,6 +430,9 @@ impl Localizer {
         let score = self.cfg.score();
         scratch.scores.clear();
         (scratch.scores).extend((out.ranking.iter()).map(|it| as_evidence(score, it.score)));
+        // Places that were not worth matching count as the last one that was.
+        let least = scratch.scores.iter().copied().fold(f64::INFINITY, f64::min);
+        scratch.scores.resize(self.plans.len(), least);
         let temper = calibration.temper(score, self.typical_size(out));
         out.elsewhere = temper.posterior_into(
             &scratch.scores,

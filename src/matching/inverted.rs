@@ -90,10 +90,49 @@ impl NearestNeighbours for ExactSearch {
     }
 }
 
+/// Centroids of descriptors: a descriptor's *word* is its nearest one.
+#[derive(Clone, Debug)]
+pub struct BinaryWords {
+    centroids: PackedDescriptors,
+    kernel: Kernel,
+}
+
+impl BinaryWords {
+    /// At most `num_words`, learnt from `rows`; none if there are no rows.
+    pub fn learn(rows: &[Descriptor], num_words: usize) -> Self {
+        Self::with_kernel(rows, num_words, Kernel::best())
+    }
+
+    fn with_kernel(rows: &[Descriptor], num_words: usize, kernel: Kernel) -> Self {
+        Self {
+            centroids: PackedDescriptors::pack(&learn_centroids(rows, num_words, kernel)),
+            kernel,
+        }
+    }
+
+    /// How many words.
+    pub fn len(&self) -> usize {
+        self.centroids.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.centroids.is_empty()
+    }
+
+    /// Appends the word of each of `rows`, ties by the lowest word, to `out`.
+    pub fn words_into(&self, scratch: &mut SearchScratch, rows: &[Descriptor], out: &mut Vec<u32>) {
+        let found = &mut scratch.found;
+        found.resize(rows.len(), NearestTwo::EMPTY);
+        (self.kernel).nearest_two_packed(rows, &self.centroids, found);
+        out.extend(found.iter().map(|found| found.best));
+    }
+}
+
 /// Asks the rows that are in the lists of the nearest centroids.
 #[derive(Clone, Debug)]
 pub struct InvertedFile {
-    centroids: PackedDescriptors,
+    words: BinaryWords,
     /// All rows, list by list, each list from a multiple of [`ALIGNMENT`] on.
     rows: PackedDescriptors,
     /// The number of each row of `rows`; [`NearestTwo::NONE`] of those that fill a list up.
@@ -129,12 +168,27 @@ impl InvertedFile {
                 .with_help("begin with 4 sqrt(rows) lists and 32 probes"));
             }
         }
-        let centroids = PackedDescriptors::pack(&learn_centroids(rows, num_lists, kernel));
-        let mut nearest = vec![NearestTwo::EMPTY; rows.len()];
-        kernel.nearest_two_packed(rows, &centroids, &mut nearest);
-        let mut lists = vec![(0, 0); centroids.len()];
-        for found in &nearest {
-            lists[found.best as usize].1 += 1;
+        let words = BinaryWords::with_kernel(rows, num_lists, kernel);
+        let mut lists_of = Vec::with_capacity(rows.len());
+        words.words_into(&mut SearchScratch::default(), rows, &mut lists_of);
+        Ok(Self::of_words(rows, words, &lists_of, probes))
+    }
+
+    /// Over `rows` whose words are known: `lists_of` are those that
+    /// [`words_into`](BinaryWords::words_into) says. Takes `O(rows)` time.
+    ///
+    /// # Panics
+    /// If `lists_of` has another length than `rows` or names a word that is not there.
+    pub fn of_words(
+        rows: &[Descriptor],
+        words: BinaryWords,
+        lists_of: &[u32],
+        probes: usize,
+    ) -> Self {
+        assert_eq!(rows.len(), lists_of.len(), "one word per row");
+        let mut lists = vec![(0, 0); words.len()];
+        for &list in lists_of {
+            lists[list as usize].1 += 1;
         }
         let mut end = 0_usize;
         for (start, len) in &mut lists {
@@ -144,20 +198,20 @@ impl InvertedFile {
         let mut next: Vec<usize> = lists.iter().map(|&(start, _)| start).collect();
         let mut ids = vec![NearestTwo::NONE; end];
         let mut sorted = vec![Descriptor::default(); end];
-        for ((id, row), found) in (0..).zip(rows).zip(&nearest) {
-            let at = &mut next[found.best as usize];
+        for ((id, row), &list) in (0..).zip(rows).zip(lists_of) {
+            let at = &mut next[list as usize];
             (ids[*at], sorted[*at]) = (id, *row);
             *at += 1;
         }
-        Ok(Self {
-            centroids,
+        Self {
+            kernel: words.kernel,
+            words,
             rows: PackedDescriptors::pack(&sorted),
             ids,
             lists,
             num_rows: rows.len(),
-            probes,
-            kernel,
-        })
+            probes: probes.max(1),
+        }
     }
 
     /// The same with another number of lists searched; at least 1 is.
@@ -170,6 +224,44 @@ impl InvertedFile {
     /// How many lists there are.
     pub fn num_lists(&self) -> usize {
         self.lists.len()
+    }
+
+    /// Calls `found(row, bits)` for every row within `max_bits` of some query, among the lists searched
+    /// for it; a row that is near to several queries is named several times. By list, query and row.
+    pub fn rows_within(
+        &self,
+        scratch: &mut SearchScratch,
+        queries: &[Descriptor],
+        max_bits: u16,
+        mut found: impl FnMut(u32, u16),
+    ) {
+        self.visits_into(scratch, queries);
+        for &(list, query) in &scratch.visits {
+            let (start, len) = self.lists[list as usize];
+            let query = &queries[query as usize];
+            (self.kernel).rows_within(
+                query,
+                &self.rows,
+                start..start + len,
+                max_bits,
+                |row, bits| found(self.ids[row as usize], bits),
+            );
+        }
+    }
+
+    /// Which lists are searched for which query, by list and then by query.
+    fn visits_into(&self, scratch: &mut SearchScratch, queries: &[Descriptor]) {
+        let SearchScratch {
+            distances, visits, ..
+        } = scratch;
+        let centroids = &self.words.centroids;
+        distances.resize(centroids.len(), 0);
+        visits.clear();
+        for (id, query) in (0..).zip(queries) {
+            self.kernel.distances_into(query, centroids, distances);
+            self.choose_lists(id, distances, visits);
+        }
+        visits.sort_unstable();
     }
 
     /// Appends (list, `query`) of the lists to search: those whose centroids are nearest, ties by list.
@@ -207,21 +299,14 @@ impl NearestNeighbours for InvertedFile {
         out: &mut [NearestTwo],
     ) {
         assert_eq!(queries.len(), out.len(), "one answer per query");
+        out.fill(NearestTwo::EMPTY);
+        self.visits_into(scratch, queries);
         let SearchScratch {
-            distances,
             visits,
             queries: of_list,
             found,
+            ..
         } = scratch;
-        out.fill(NearestTwo::EMPTY);
-        distances.resize(self.centroids.len(), 0);
-        visits.clear();
-        for (id, query) in (0..).zip(queries) {
-            self.kernel
-                .distances_into(query, &self.centroids, distances);
-            self.choose_lists(id, distances, visits);
-        }
-        visits.sort_unstable();
         for visits in visits.chunk_by(|a, b| a.0 == b.0) {
             let (start, len) = self.lists[visits[0].0 as usize];
             of_list.clear();

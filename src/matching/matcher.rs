@@ -142,6 +142,74 @@ impl Matcher {
         }
     }
 
+    /// The matches between each part of `map` and `live`: the first part ends before feature `ends[0]`,
+    /// each next one begins where the one before ended. In a large map each part is a place.
+    ///
+    /// Calls `sink(part, matches)` in ascending order of parts with what
+    /// [`matches_into`](Self::matches_into) gives for the part alone, with features counted from its
+    /// first. The live features are laid out for the kernels once, not once a part.
+    ///
+    /// # Panics
+    /// If `ends` descends somewhere or leads beyond the last feature.
+    pub fn parts_into(
+        &self,
+        scratch: &mut MatchScratch,
+        map: FeaturesView<'_>,
+        ends: &[usize],
+        live: FeaturesView<'_>,
+        mut sink: impl FnMut(usize, &[Match]),
+    ) {
+        let MatchScratch {
+            train,
+            asked,
+            answered,
+            uniqueness,
+            matches,
+        } = scratch;
+        let direction = self.cfg.direction();
+        let is_map_asking = direction == Direction::MapToLive;
+        let (of_map, of_live) = if is_map_asking {
+            (asked, answered)
+        } else {
+            (answered, asked)
+        };
+        train.repack(live.descriptors);
+        of_map.clear();
+        if is_map_asking || self.cfg.mutual() {
+            of_map.resize(map.len(), NearestTwo::EMPTY);
+            (self.kernel).nearest_two_packed(map.descriptors, train, of_map);
+        }
+        let mut start = 0;
+        let mut report = |part: usize, of_live: Option<&[NearestTwo]>| {
+            let rows = start..ends[part];
+            start = ends[part];
+            let of_part = of_map.get(rows.clone());
+            let (asked, answered) = if is_map_asking {
+                (of_part, of_live)
+            } else {
+                (of_live, of_part)
+            };
+            let asked = (0..).zip(asked.unwrap_or_default().iter().copied());
+            let map = map.rows(rows);
+            self.choose(direction, asked, answered, map, live, uniqueness, matches);
+            sink(part, matches);
+        };
+        if is_map_asking && !self.cfg.mutual() {
+            (0..ends.len()).for_each(|part| report(part, None));
+        } else {
+            of_live.resize(live.len(), NearestTwo::EMPTY);
+            self.kernel.nearest_two_of_parts(
+                train,
+                map.descriptors,
+                ends,
+                of_live,
+                |part, of_live| {
+                    report(part, Some(of_live));
+                },
+            );
+        }
+    }
+
     /// For each map feature the two nearest live features: the evidence that
     /// [`select_into`](Self::select_into) chooses from.
     pub fn nearest_live_into(

@@ -33,7 +33,7 @@ mod two_way;
 mod vote;
 
 pub use config::{Direction, MatchConfig, MatchConfigBuilder, Window, passes_ratio};
-pub use inverted::{ExactSearch, InvertedFile, NearestNeighbours, SearchScratch};
+pub use inverted::{BinaryWords, ExactSearch, InvertedFile, NearestNeighbours, SearchScratch};
 pub use matcher::{Match, MatchScratch, Matcher};
 pub use two_way::{TwoWay, TwoWayConfig, Verdict};
 pub use vote::{

@@ -13,7 +13,7 @@ use std::arch::x86_64::{
 use std::ops::Range;
 
 use super::packed::{Group, ROWS_PER_GROUP};
-use super::{DISTANCE_SHIFT, NO_KEY};
+use super::{DISTANCE_SHIFT, LaneKeys, NO_KEY};
 
 /// Queries whose state stays in registers while a group of rows is read once.
 const QUERIES_PER_PASS: usize = 2;
@@ -79,14 +79,7 @@ fn pass<const N: usize>(
                 row = _mm256_or_si256(row, _mm256_andnot_si256(inside, no_key));
             }
             for n in 0..N {
-                let (even, odd) = distances_of_half(&queries_spread[n], group, half);
-                let key = _mm256_or_si256(
-                    _mm256_or_si256(
-                        _mm256_slli_epi64::<{ DISTANCE_SHIFT.cast_signed() }>(even),
-                        _mm256_slli_epi64::<{ DISTANCE_SHIFT.cast_signed() + 32 }>(odd),
-                    ),
-                    row,
-                );
+                let key = keys_of_half(&queries_spread[n], group, half, row);
                 second[n] = _mm256_min_epu32(second[n], _mm256_max_epu32(best[n], key));
                 best[n] = _mm256_min_epu32(best[n], key);
             }
@@ -160,6 +153,38 @@ fn byte_counts(bits: __m256i) -> __m256i {
         _mm256_shuffle_epi8(ones_of_nibble, low_nibbles),
         _mm256_shuffle_epi8(ones_of_nibble, high_nibbles),
     )
+}
+
+/// The keys of half a group, whose rows have the numbers `row`.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn keys_of_half(query: &Spread, group: &Group, half: usize, row: __m256i) -> __m256i {
+    let (even, odd) = distances_of_half(query, group, half);
+    let distances = _mm256_or_si256(
+        _mm256_slli_epi64::<{ DISTANCE_SHIFT.cast_signed() }>(even),
+        _mm256_slli_epi64::<{ DISTANCE_SHIFT.cast_signed() + 32 }>(odd),
+    );
+    _mm256_or_si256(distances, row)
+}
+
+/// The two smallest keys of `rows` for each of the 16 queries of a group.
+#[target_feature(enable = "avx2")]
+pub(super) fn smallest_keys_of_lanes(group: &Group, rows: &[[u64; 4]]) -> LaneKeys {
+    let mut keys = LaneKeys::default();
+    for half in 0..2 {
+        let mut best = _mm256_set1_epi32(NO_KEY.cast_signed());
+        let mut second = best;
+        for (row, words) in (0..).zip(rows) {
+            let key = keys_of_half(&spread(words), group, half, _mm256_set1_epi32(row));
+            second = _mm256_min_epu32(second, _mm256_max_epu32(best, key));
+            best = _mm256_min_epu32(best, key);
+        }
+        for (keys, smallest) in keys.iter_mut().zip([best, second]) {
+            let at = half * ROWS_PER_HALF;
+            keys[at..at + ROWS_PER_HALF].copy_from_slice(&lanes(smallest));
+        }
+    }
+    keys
 }
 
 /// The distance of `query` to the first `out.len()` rows.

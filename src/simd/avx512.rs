@@ -6,12 +6,13 @@ use std::arch::x86_64::{
     _mm512_cvtepi32_epi16, _mm512_load_si512, _mm512_mask_mov_epi32, _mm512_max_epu32,
     _mm512_min_epu32, _mm512_or_si512, _mm512_popcnt_epi64, _mm512_reduce_add_epi64,
     _mm512_reduce_min_epu32, _mm512_set_epi32, _mm512_set1_epi32, _mm512_set1_epi64,
-    _mm512_setzero_si512, _mm512_slli_epi64, _mm512_ternarylogic_epi64, _mm512_xor_si512,
+    _mm512_setzero_si512, _mm512_slli_epi64, _mm512_storeu_si512, _mm512_ternarylogic_epi64,
+    _mm512_xor_si512,
 };
 use std::ops::Range;
 
 use super::packed::{Group, ROWS_PER_GROUP};
-use super::{DISTANCE_SHIFT, NO_KEY};
+use super::{DISTANCE_SHIFT, LaneKeys, NO_KEY};
 
 /// Queries whose state stays in registers while a group of rows is read once.
 const QUERIES_PER_PASS: usize = 4;
@@ -160,6 +161,23 @@ fn distances_of_group(query: &Spread, group: &Group) -> (__m512i, __m512i) {
             _mm512_add_epi64(counts[5], counts[7]),
         ),
     )
+}
+
+/// The two smallest keys of `rows` for each of the 16 queries of a group.
+#[target_feature(enable = "avx512f,avx512vpopcntdq")]
+pub(super) fn smallest_keys_of_lanes(group: &Group, rows: &[[u64; 4]]) -> LaneKeys {
+    let mut best = [_mm512_set1_epi32(NO_KEY.cast_signed())];
+    let mut second = best;
+    for (row, words) in (0..).zip(rows) {
+        let row = _mm512_set1_epi32(row);
+        step(&[spread(words)], group, row, &mut best, &mut second);
+    }
+    let mut keys = LaneKeys::default();
+    for (keys, lanes) in keys.iter_mut().zip([best, second]) {
+        // SAFETY: `keys` are 64 writable bytes, and this store needs no alignment.
+        unsafe { _mm512_storeu_si512(keys.as_mut_ptr().cast(), lanes[0]) };
+    }
+    keys
 }
 
 /// The distance of `query` to the first `out.len()` rows.

@@ -53,10 +53,15 @@ const GROUPS_PER_BLOCK: usize = 64;
 const GROUPS_PER_STACK_BLOCK: usize = 32;
 /// Queries whose words and keys wait on the stack for one block.
 const QUERIES_PER_TILE: usize = 64;
+/// Rows whose words wait on the stack while all queries pass by.
+const ROWS_PER_TILE: usize = 128;
 /// Position of the distance in a key; the bits below hold the row in its block.
 const DISTANCE_SHIFT: u32 = 23;
 /// Greater than every key of a row.
 const NO_KEY: u32 = u32::MAX;
+
+/// The smallest keys of 16 queries, and their second smallest.
+type LaneKeys = [[u32; ROWS_PER_GROUP]; 2];
 
 /// 256 bits as four words; what a descriptor must be able to say for its distances to be taken.
 pub trait Bits256: Copy {
@@ -347,25 +352,132 @@ impl Kernel {
         });
     }
 
+    /// For each part of `rows`, the two nearest of its rows for every query: the first part ends before
+    /// row `ends[0]`, each next one begins where the one before ended.
+    ///
+    /// Calls `sink(part, state)` in ascending order of parts, where `state[i]` is what
+    /// [`nearest_two`](Self::nearest_two) gives for query `i` and the rows of the part alone, counted from
+    /// its first. Here the queries lie side by side in the lanes and the rows pass by, so that a part of
+    /// few rows leaves no lane idle. `state` is overwritten.
+    ///
+    /// # Panics
+    /// If `state` has another length than `queries`, or `ends` descends somewhere or leads beyond `rows`.
+    pub fn nearest_two_of_parts<D: Bits256>(
+        self,
+        queries: &PackedDescriptors,
+        rows: &[D],
+        ends: &[usize],
+        state: &mut [NearestTwo],
+        mut sink: impl FnMut(usize, &[NearestTwo]),
+    ) {
+        assert_eq!(queries.len(), state.len(), "one answer per query");
+        let mut words = [[0; 4]; ROWS_PER_TILE];
+        let mut start = 0;
+        for (part, &end) in ends.iter().enumerate() {
+            state.fill(NearestTwo::EMPTY);
+            for (tile, rows) in rows[start..end].chunks(ROWS_PER_TILE).enumerate() {
+                let words = &mut words[..rows.len()];
+                for (words, row) in words.iter_mut().zip(rows) {
+                    *words = row.words();
+                }
+                let base = (tile * ROWS_PER_TILE) as u32;
+                let states = state.chunks_mut(ROWS_PER_GROUP);
+                for (group, state) in queries.groups().iter().zip(states) {
+                    let [best, second] = self.smallest_keys_of_lanes(group, words);
+                    for ((state, best), second) in state.iter_mut().zip(best).zip(second) {
+                        state.take_in_keys([best, second], base);
+                    }
+                }
+            }
+            sink(part, state);
+            start = end;
+        }
+    }
+
+    /// The smallest and second smallest key of `rows` for each of the 16 queries of a group.
+    #[inline]
+    fn smallest_keys_of_lanes(self, group: &Group, rows: &[[u64; 4]]) -> LaneKeys {
+        match self.0 {
+            Kind::Scalar => scalar::smallest_keys_of_lanes(group, rows),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: a kernel of this kind exists only after its CPU feature was detected.
+            Kind::Avx2 => unsafe { avx2::smallest_keys_of_lanes(group, rows) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: a kernel of this kind exists only after its CPU features were detected.
+            Kind::Avx512 => unsafe { avx512::smallest_keys_of_lanes(group, rows) },
+            #[cfg(target_arch = "aarch64")]
+            // SAFETY: a kernel of this kind exists only after its CPU feature was detected.
+            Kind::Neon => unsafe { neon::smallest_keys_of_lanes(group, rows) },
+        }
+    }
+
     /// Writes the distance in bits of `query` to every row of `train`.
     ///
     /// # Panics
     /// If `out` has another length than `train`.
     pub fn distances_into<D: Bits256>(self, query: &D, train: &PackedDescriptors, out: &mut [u16]) {
         assert_eq!(train.len(), out.len(), "one distance per row");
+        self.distances_of_groups(&query.words(), train.groups(), out);
+    }
+
+    /// Calls `found(row, bits)` for each of the given rows of `train` that is within `max_bits` of `query`,
+    /// in ascending order.
+    ///
+    /// # Panics
+    /// If `train` has no such rows.
+    pub fn rows_within<D: Bits256>(
+        self,
+        query: &D,
+        train: &PackedDescriptors,
+        rows: Range<usize>,
+        max_bits: u16,
+        mut found: impl FnMut(u32, u16),
+    ) {
+        assert!(rows.end <= train.len(), "rows {rows:?} of {}", train.len());
         let query = query.words();
-        let groups = train.groups();
+        let mut distances = [0; GROUPS_PER_BLOCK * ROWS_PER_GROUP];
+        let mut start = rows.start / ROWS_PER_GROUP * ROWS_PER_GROUP;
+        while start < rows.end {
+            let end = rows.end.min(start + distances.len());
+            let distances = &mut distances[..end - start];
+            let groups = &train.groups()[start / ROWS_PER_GROUP..];
+            self.distances_of_groups(&query, groups, distances);
+            for (first, distances) in (start..)
+                .step_by(ROWS_PER_GROUP)
+                .zip(distances.chunks(ROWS_PER_GROUP))
+            {
+                // One comparison for most groups: few rows are near.
+                if distances
+                    .iter()
+                    .fold(u16::MAX, |least, &bits| least.min(bits))
+                    > max_bits
+                {
+                    continue;
+                }
+                for (row, &bits) in (first..).zip(distances) {
+                    if bits <= max_bits && row >= rows.start {
+                        found(row as u32, bits);
+                    }
+                }
+            }
+            start = end;
+        }
+    }
+
+    /// The distance of `query` to the first `out.len()` rows.
+    #[inline]
+    fn distances_of_groups(self, query: &[u64; 4], groups: &[Group], out: &mut [u16]) {
         match self.0 {
-            Kind::Scalar => scalar::distances(&query, groups, out),
+            Kind::Scalar => scalar::distances(query, groups, out),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: a kernel of this kind exists only after its CPU feature was detected.
-            Kind::Avx2 => unsafe { avx2::distances(&query, groups, out) },
+            Kind::Avx2 => unsafe { avx2::distances(query, groups, out) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: a kernel of this kind exists only after its CPU features were detected.
-            Kind::Avx512 => unsafe { avx512::distances(&query, groups, out) },
+            Kind::Avx512 => unsafe { avx512::distances(query, groups, out) },
             #[cfg(target_arch = "aarch64")]
             // SAFETY: a kernel of this kind exists only after its CPU feature was detected.
-            Kind::Neon => unsafe { neon::distances(&query, groups, out) },
+            Kind::Neon => unsafe { neon::distances(query, groups, out) },
         }
     }
 

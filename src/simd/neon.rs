@@ -11,7 +11,7 @@ use std::arch::aarch64::{
 use std::ops::Range;
 
 use super::packed::{Group, ROWS_PER_GROUP};
-use super::{DISTANCE_SHIFT, NO_KEY};
+use super::{DISTANCE_SHIFT, LaneKeys, NO_KEY};
 
 /// Rows of a group whose 32-bit keys fill a vector.
 const ROWS_PER_QUARTER: usize = 4;
@@ -41,12 +41,7 @@ fn pass(query: &[u64; 4], groups: &[Group], rows: &Range<u32>) -> [u32; 2] {
         for quarter in 0..4 {
             let first_row = (index * ROWS_PER_GROUP + quarter * ROWS_PER_QUARTER) as u32;
             let row = row_numbers(first_row, rows);
-            let (even, odd) = distances_of_quarter(&query, group, quarter);
-            let distances = vorrq_u64(
-                vshlq_n_u64::<{ DISTANCE_SHIFT.cast_signed() }>(even),
-                vshlq_n_u64::<{ DISTANCE_SHIFT.cast_signed() + 32 }>(odd),
-            );
-            let key = vorrq_u32(vreinterpretq_u32_u64(distances), row);
+            let key = keys_of_quarter(&query, group, quarter, row);
             second = vminq_u32(second, vmaxq_u32(best, key));
             best = vminq_u32(best, key);
         }
@@ -119,6 +114,43 @@ fn distances_of_quarter(
         *sum = vpaddlq_u32(vpaddlq_u16(vpaddlq_u8(counts)));
     }
     (sums[0], sums[1])
+}
+
+/// The keys of a quarter of a group, whose rows have the numbers `row`.
+#[target_feature(enable = "neon")]
+#[inline]
+fn keys_of_quarter(
+    query: &[uint64x2_t; 4],
+    group: &Group,
+    quarter: usize,
+    row: uint32x4_t,
+) -> uint32x4_t {
+    let (even, odd) = distances_of_quarter(query, group, quarter);
+    let distances = vorrq_u64(
+        vshlq_n_u64::<{ DISTANCE_SHIFT.cast_signed() }>(even),
+        vshlq_n_u64::<{ DISTANCE_SHIFT.cast_signed() + 32 }>(odd),
+    );
+    vorrq_u32(vreinterpretq_u32_u64(distances), row)
+}
+
+/// The two smallest keys of `rows` for each of the 16 queries of a group.
+#[target_feature(enable = "neon")]
+pub(super) fn smallest_keys_of_lanes(group: &Group, rows: &[[u64; 4]]) -> LaneKeys {
+    let mut keys = LaneKeys::default();
+    for quarter in 0..4 {
+        let mut best = vdupq_n_u32(NO_KEY);
+        let mut second = best;
+        for (row, words) in (0..).zip(rows) {
+            let key = keys_of_quarter(&spread(words), group, quarter, vdupq_n_u32(row));
+            second = vminq_u32(second, vmaxq_u32(best, key));
+            best = vminq_u32(best, key);
+        }
+        for (keys, smallest) in keys.iter_mut().zip([best, second]) {
+            let at = quarter * ROWS_PER_QUARTER;
+            keys[at..at + ROWS_PER_QUARTER].copy_from_slice(&lanes(smallest));
+        }
+    }
+    keys
 }
 
 /// The distance of `query` to the first `out.len()` rows.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::packed::{Group, ROWS_PER_GROUP};
-use super::{DISTANCE_SHIFT, NO_KEY};
+use super::{DISTANCE_SHIFT, LaneKeys, NO_KEY};
 
 #[inline]
 fn distance_bits(a: &[u64; 4], b: &[u64; 4]) -> u32 {
@@ -26,6 +26,20 @@ pub(super) fn two_smallest_keys(
             *best = (*best).min(key);
         }
     }
+}
+
+/// The two smallest keys of `rows` for each of the 16 queries of a group.
+pub(super) fn smallest_keys_of_lanes(group: &Group, rows: &[[u64; 4]]) -> LaneKeys {
+    let [mut all_best, mut all_second] = [[NO_KEY; ROWS_PER_GROUP]; 2];
+    for (lane, (best, second)) in all_best.iter_mut().zip(&mut all_second).enumerate() {
+        let query = group.row(lane);
+        for (row, words) in (0..).zip(rows) {
+            let key = (distance_bits(&query, words) << DISTANCE_SHIFT) | row;
+            *second = (*second).min((*best).max(key));
+            *best = (*best).min(key);
+        }
+    }
+    [all_best, all_second]
 }
 
 /// The distance of `query` to the first `out.len()` rows.

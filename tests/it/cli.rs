@@ -1658,3 +1658,24 @@ fn edges_are_listed_added_and_removed() {
     );
     assert_eq!(fixture.run(&["map", "verify", "street.map"]).code, 0);
 }
+
+#[test]
+fn a_map_is_calibrated_once_and_answers_as_before() {
+    let fixture = Fixture::with_map();
+    let ask = ["localize", "street.map", "query1.png", "--time", QUERY_TIME];
+    let before = fixture.run(&ask);
+    let first = fixture.run(&["map", "calibrate", "street.map"]);
+    assert_eq!(first.code, 0, "{first:?}");
+    assert!(first.stdout.contains("past images"), "{first:?}");
+    let again = fixture.run(&["map", "calibrate", "street.map"]);
+    assert!(again.stdout.contains("calibrated already"), "{again:?}");
+    assert_eq!(fixture.run(&ask).stdout, before.stdout);
+    fixture.write(
+        "count.toml",
+        "[localize]\nscore = \"count\"\ncalibrated = false\n",
+    );
+    fixture.fails(
+        &["map", "calibrate", "street.map", "--config", "count.toml"],
+        &["street.map", "calibrated = true"],
+    );
+}

@@ -7,11 +7,12 @@ use chronotope::dataset::{Dataset, Entry};
 use chronotope::feature::{Extractor, Features, StarBrief};
 use chronotope::learn::{KeepAppearances, LearnConfig, Learner, Observation};
 use chronotope::localize::{
-    Decision, Localization, Localizer, LocalizerConfig, Method, Preset, Query, Score, Scratch,
-    Sweep,
+    ATTACHMENT, Calibration, Decision, Localization, Localizer, LocalizerConfig, Method, Preset,
+    Query, Score, Scratch, Sweep,
 };
 use chronotope::map::{AppearanceUse, Map, MapMeta, PlaceKey, SessionId, Snapshot};
 use chronotope::predict::Selection;
+use chronotope::visibility::VisibilityConfig;
 use chronotope::{ErrorKind, Time};
 
 const SIZE: (u32, u32) = (448, 384);
@@ -321,6 +322,57 @@ fn calibration_does_not_depend_on_the_number_of_threads() {
     let [near, far] = [10, 40].map(|bits| calibration.distance_log_ratio(bits));
     assert!(near > far, "a close descriptor tells more: {near} {far}");
     assert!(calibration.mean_false_rate() < knots[knots.len() - 1].1);
+}
+
+#[test]
+fn an_attached_calibration_is_taken_while_it_fits_and_never_otherwise() {
+    let fresh = localizer(Preset::Default, Method::Fremen);
+    let learnt = fresh.calibration().expect("the preset calibrates");
+    let bytes = fresh.to_attachment().expect("writes").expect("calibrated");
+    let with = |bytes: &[u8]| {
+        let mut snapshot = Snapshot::clone(&snapshot(Preset::Default));
+        (snapshot.attachments).insert(ATTACHMENT.to_owned(), bytes.into());
+        snapshot
+    };
+    let known = |snapshot: Snapshot, cfg: LocalizerConfig| {
+        let localizer = Localizer::new(Arc::new(snapshot), cfg).expect("map fits");
+        localizer.calibration().expect("calibrated").clone()
+    };
+    let cfg = LocalizerConfig::default();
+    assert_eq!(known(with(&bytes), cfg.clone()), *learnt, "as it was");
+
+    // A copy that says something else shows whether it is what was taken.
+    let text = String::from_utf8(bytes.to_vec()).expect("JSON");
+    let marked = text.replacen("\"num_images\":", "\"num_images\":9", 1);
+    assert_ne!(marked, text);
+    let is_taken = |calibration: &Calibration| calibration.num_images() != learnt.num_images();
+    assert!(is_taken(&known(with(marked.as_bytes()), cfg.clone())));
+    let other_n = cfg
+        .clone()
+        .with_selection(Selection::Top(20))
+        .with_risk(0.3);
+    assert!(
+        is_taken(&known(with(marked.as_bytes()), other_n)),
+        "it does not depend on n"
+    );
+
+    // Another model, another visit, another version, bytes that are none of ours.
+    let other_model = cfg.clone().with_visibility(VisibilityConfig::mean());
+    assert!(!is_taken(&known(with(marked.as_bytes()), other_model)));
+    let mut grown = learner(Preset::Default, KeepAppearances::All);
+    grown
+        .observe(&observation(&street().query[0]))
+        .expect("learns");
+    let mut grown = Snapshot::clone(&grown.snapshot().expect("fits together"));
+    (grown.attachments).insert(ATTACHMENT.to_owned(), marked.as_bytes().into());
+    let num_images = known(grown, cfg.clone()).num_images();
+    assert!(num_images < 90, "{num_images} is of the copy");
+    let version = marked.replacen("\"version\":1", "\"version\":2", 1);
+    let torn = &marked.as_bytes()[..marked.len() / 2];
+    let wild = marked.replacen("\"false_rate\":", "\"false_rate\":7", 1);
+    for bytes in [version.as_bytes(), torn, b"", wild.as_bytes()] {
+        assert_eq!(known(with(bytes), cfg.clone()), *learnt);
+    }
 }
 
 #[test]

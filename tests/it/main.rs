@@ -10,6 +10,7 @@ mod feature;
 #[cfg(feature = "opencv")]
 mod feature_opencv;
 mod guard;
+mod large_map;
 mod life;
 mod localize;
 mod map;

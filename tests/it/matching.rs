@@ -96,6 +96,51 @@ proptest! {
     }
 
     #[test]
+    fn rows_within_are_those_that_are_near(
+        query in descriptor(),
+        train in descriptors(70),
+        first in 0_usize..70,
+        len in 0_usize..70,
+        max_bits in 0_u16..=256,
+    ) {
+        let packed = PackedDescriptors::pack(&train);
+        let rows = first.min(train.len())..(first + len).min(train.len());
+        let expected: Vec<(u32, u16)> = rows
+            .clone()
+            .map(|row| (row as u32, query.distance_bits(&train[row]) as u16))
+            .filter(|&(_, bits)| bits <= max_bits)
+            .collect();
+        for kernel in Kernel::available() {
+            let mut found = Vec::new();
+            kernel.rows_within(&query, &packed, rows.clone(), max_bits, |row, bits| {
+                found.push((row, bits));
+            });
+            prop_assert_eq!(&found, &expected, "{}", kernel);
+        }
+    }
+
+    #[test]
+    fn an_inverted_file_of_which_all_lists_are_searched_finds_every_near_row(
+        queries in descriptors(9),
+        train in descriptors(90),
+        max_bits in 0_u16..=256,
+    ) {
+        let file = InvertedFile::new(&train, 7, 7).unwrap();
+        let mut found = Vec::new();
+        let scratch = &mut SearchScratch::default();
+        file.rows_within(scratch, &queries, max_bits, |row, bits| found.push((row, bits)));
+        found.sort_unstable();
+        let mut expected = Vec::new();
+        for query in &queries {
+            let rows = (0..).zip(&train);
+            expected.extend(rows.map(|(row, other)| (row, query.distance_bits(other) as u16)));
+        }
+        expected.retain(|&(_, bits): &(u32, u16)| bits <= max_bits);
+        expected.sort_unstable();
+        prop_assert_eq!(found, expected);
+    }
+
+    #[test]
     fn every_kernel_measures_every_distance(query in descriptor(), train in descriptors(70)) {
         let expected: Vec<_> = train.iter().map(|row| query.distance_bits(row) as u16).collect();
         let packed = PackedDescriptors::pack(&train);
@@ -103,6 +148,78 @@ proptest! {
             let mut out = vec![0; train.len()];
             kernel.distances_into(&query, &packed, &mut out);
             prop_assert_eq!(&out, &expected, "{}", kernel);
+        }
+    }
+
+    #[test]
+    fn parts_are_searched_as_if_each_were_all(
+        queries in descriptors(40),
+        parts in prop::collection::vec(descriptors(40), 0..8),
+        large in 0_usize..300,
+    ) {
+        let mut parts = parts;
+        if let Some(first) = parts.first_mut() {
+            // More rows than wait on the stack at once.
+            let rows: Vec<Descriptor> = (0..large as u64).map(|i| Descriptor([i, i / 7, 0, 1])).collect();
+            first.extend(rows);
+        }
+        let rows = parts.concat();
+        let ends: Vec<usize> = parts.iter().scan(0, |end, part| {
+            *end += part.len();
+            Some(*end)
+        }).collect();
+        let packed = PackedDescriptors::pack(&queries);
+        for kernel in Kernel::available() {
+            let mut state = vec![NearestTwo::EMPTY; queries.len()];
+            let mut num_parts = 0;
+            kernel.nearest_two_of_parts(&packed, &rows, &ends, &mut state, |part, state| {
+                assert_eq!(part, num_parts);
+                assert_eq!(state, nearest_two_of_all(&queries, &parts[part]), "{kernel}");
+                num_parts += 1;
+            });
+            prop_assert_eq!(num_parts, parts.len());
+        }
+    }
+
+    #[test]
+    fn matching_many_parts_is_matching_each(
+        parts in prop::collection::vec(features(30), 0..6),
+        live in features(40),
+        is_map_asking: bool,
+        mutual: bool,
+        unique: bool,
+        has_window: bool,
+        max_bits in 0_u16..=256,
+    ) {
+        let direction = if is_map_asking { Direction::MapToLive } else { Direction::LiveToMap };
+        let window = has_window.then(|| Window::new(20.0, 10.0).unwrap());
+        let cfg = MatchConfig::builder()
+            .direction(direction)
+            .mutual(mutual)
+            .unique(unique)
+            .window(window)
+            .max_bits(max_bits)
+            .build()
+            .unwrap();
+        let mut map = Features::new();
+        let ends: Vec<usize> = parts.iter().map(|part| {
+            map.append_view(part.view());
+            map.len()
+        }).collect();
+        for kernel in Kernel::available() {
+            let matcher = Matcher::with_kernel(cfg.clone(), kernel);
+            let mut scratch = MatchScratch::default();
+            let mut found = Vec::new();
+            matcher.parts_into(&mut scratch, map.view(), &ends, live.view(), |part, matches| {
+                assert_eq!(part, found.len());
+                found.push(matches.to_vec());
+            });
+            prop_assert_eq!(found.len(), parts.len());
+            for (part, found) in parts.iter().zip(found) {
+                let mut alone = Vec::new();
+                matcher.matches_into(&mut scratch, part.view(), live.view(), &mut alone);
+                prop_assert_eq!(found, alone, "{}", kernel);
+            }
         }
     }
 

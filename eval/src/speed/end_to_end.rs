@@ -1,26 +1,33 @@
 //! How long does an answer take in a map of so many places, and which stage takes it?
 //!
 //! A place is one learnt image, each of its features seen anew, with a year of visits in which features
-//! come and go. Queries are images that were not learnt. The stages are what
-//! [`Localizer::localize_into`] does, called one by one; what is left of the whole is the vote, the
-//! ranking and the decision. The extractor's time is in its own section.
+//! come and go; the first places of a map are of different streets, and a large map has many look-alikes
+//! of each. Queries are images that were not learnt, asked in one time bucket, whose prediction is a row
+//! of its own. The stages are what [`Localizer::localize_into`] does: `match` is called by itself on the
+//! features that were predicted, and what is left of the whole is the vote, the log odds, the ranking and
+//! the decision. Beside the default stands the plain count of matches, which decides by nothing else.
+//!
+//! Short lists of candidates are judged by the exact answer to the same query: the share of first places
+//! that are the same.
 
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use chronotope::Time;
-use chronotope::feature::{ExtractorConfig, Features};
-use chronotope::localize::{Localization, Localizer, LocalizerConfig, Preset, Query};
+use chronotope::feature::{Extractor, ExtractorConfig, Features, StarBrief};
+use chronotope::localize::{
+    Candidates, Localization, Localizer, LocalizerConfig, Preset, Query, Score,
+};
 use chronotope::map::{
     AppearanceUse, MapMeta, Node, NodeId, PlaceKey, SessionId, Snapshot, Visit, VisitId,
 };
 use chronotope::matching::{MatchScratch, Matcher};
-use chronotope::predict::{PredictedMap, Selection};
+use chronotope::predict::Selection;
 use chronotope::visibility::BitRow;
 
 use super::material::SplitMix;
-use super::{Material, Measurement};
+use super::{Material, Measurement, time as repeat};
 
 /// What the section is called; the plot of growth looks for it.
 pub(super) const SECTION: &str = "one answer, 50 features a place, 500 live";
@@ -28,133 +35,201 @@ pub(super) const SECTION: &str = "one answer, 50 features a place, 500 live";
 const NUM_PREDICTED: usize = 50;
 const NUM_VISITS: usize = 12;
 const MONTH_US: i64 = 30 * 86_400 * 1_000_000;
-/// Answers that are timed, at least; more for small maps.
-const MIN_ANSWERS: usize = 5;
-const MAX_ANSWERS: usize = 100;
-const ENOUGH_S: f64 = 5.0;
+const HOUR_US: i64 = 3_600 * 1_000_000;
+/// Answers that are timed, at least and at most.
+const MIN_ANSWERS: usize = 20;
+const MAX_ANSWERS: usize = 200;
+const ENOUGH_S: f64 = 60.0;
+/// Maps up to this size are localised in by the plain count as well.
+const MAX_COUNTED: usize = 1_000;
+/// Maps from this size on are worth a short list.
+const MIN_LISTED: usize = 1_000;
 
 /// Every stage in a map of `num_nodes` places.
 pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measurement>> {
     ensure!(num_nodes > 0, "a map of 0 places cannot be localised in");
     let case = format!("{num_nodes} places");
+    let row = |subject: &str, ms: &[f64]| Measurement::new(SECTION, &case, subject, ms);
     let memory = resident_bytes();
     let snapshot = Arc::new(snapshot(material, num_nodes)?);
     let num_features: usize = snapshot.nodes.iter().map(|node| node.features.len()).sum();
+    let time = material.times.iter().max().copied().unwrap_or_default();
 
     let start = Instant::now();
-    let selection = Selection::top(NUM_PREDICTED)?;
-    let cfg = LocalizerConfig::preset(Preset::Default).with_selection(selection);
-    let localizer = Localizer::new(Arc::clone(&snapshot), cfg)?;
+    let cfg = LocalizerConfig::preset(Preset::Default)
+        .with_selection(Selection::top(NUM_PREDICTED)?)
+        .with_candidates(Candidates::Exact);
+    let localizer = Localizer::new(Arc::clone(&snapshot), cfg.clone())?;
     let fit_ms = start.elapsed().as_secs_f64() * 1e3;
-
-    let mut answers = Answers::default();
-    let mut scratch = localizer.scratch();
-    let mut out = Localization::default();
-    let mut stages = Stages::new(&localizer);
-    let mut num_pairs = 0;
-    let start = Instant::now();
-    let queries = material.queries.iter().zip(&material.times).enumerate();
-    for (index, (features, &time)) in queries.cycle().take(MAX_ANSWERS) {
-        if answers.whole.len() >= MIN_ANSWERS && start.elapsed().as_secs_f64() > ENOUGH_S {
-            break;
-        }
-        let query = Query {
-            features,
-            time: Some(time),
-            image_size: None,
-        };
-        let first_of = |out: &Localization| out.first().map(|first| first.node);
-        if answers.whole.is_empty() {
-            // Warms up what is reused.
-            localizer.localize_into(&mut scratch, &query, &mut out)?;
-            stages.run(&localizer, features, time)?;
-        }
-        let start = Instant::now();
-        localizer.localize_into(&mut scratch, &query, &mut out)?;
-        let whole = start.elapsed().as_secs_f64() * 1e3;
-        let (predict, matching) = stages.run(&localizer, features, time)?;
-        num_pairs = out.pairs_compared as usize;
-        let place = first_of(&out).map(|first| material.place_of(first.0 as usize));
-        answers.right += usize::from(place == Some(material.query_places[index]));
-        answers.whole.push(whole);
-        answers.predict.push(predict);
-        answers.matching.push(matching);
-        answers.decide.push((whole - predict - matching).max(0.0));
-    }
-
-    let row = |subject: &str, ms: &[f64]| Measurement::new(SECTION, &case, subject, ms);
-    let right = answers.right as f64 / answers.whole.len() as f64;
+    let predict_ms = predict(&localizer, time)?;
+    let exact = Asked::of(&localizer, material, time)?;
     let per_feature = resident_bytes()
         .zip(memory)
         .map(|(now, before)| now.saturating_sub(before) as f64 / num_features as f64);
     let memory = per_feature.map_or(String::new(), |bytes| {
-        format!(", {bytes:.0} bytes a feature with models and scratch")
+        format!(", {bytes:.0} bytes a feature with map, models and forecast")
     });
-    Ok(vec![
-        row("fit all models, once", &[fit_ms]).note(format!("{num_features} features{memory}")),
-        row("predict", &answers.predict),
-        row("match", &answers.matching).pairs(num_pairs),
-        row("vote, rank, decide", &answers.decide),
-        row("whole", &answers.whole).note(format!(
-            "{:.0} % of first places show the right one, {:.3e} pairs/s",
-            100.0 * right,
-            num_pairs as f64 * 1e3 / crate::metrics::p50_p99(&answers.whole).0
-        )),
-    ])
+    let (match_ms, num_pairs) = match_alone(&localizer, material, time, exact.whole.len())?;
+    let decide: Vec<f64> = (exact.whole.iter().zip(&match_ms))
+        .map(|(whole, matching)| (whole - matching).max(0.0))
+        .collect();
+    let right = (exact.first.iter().zip(material.query_places.iter().cycle()))
+        .filter(|(first, place)| first.map(|id| material.place_of(id.0 as usize)) == Some(**place));
+    let share = 100.0 * right.count() as f64 / exact.first.len() as f64;
+    let rate = num_pairs as f64 * 1e3 / crate::metrics::p50_p99(&match_ms).0;
+    let mut rows = vec![
+        row("fit and calibrate, once", &[fit_ms]).note(format!("{num_features} features{memory}")),
+        row("predict, once a bucket", &predict_ms).note("10 minutes are a bucket"),
+        row("extract", &extract(material)?).note("one image, as in its own section"),
+        row("match", &match_ms)
+            .pairs(num_pairs)
+            .note(format!("{rate:.3e} pairs/s")),
+        row("vote, weigh, rank, decide", &decide),
+        row("whole", &exact.whole)
+            .note(format!(
+                "{share:.0} % of first places are of the right street"
+            ))
+            .reference(),
+    ];
+    if num_nodes <= MAX_COUNTED {
+        let counting = cfg.clone().with_score(Score::Count).with_calibrated(false);
+        let counting = Localizer::new(Arc::clone(&snapshot), counting)?;
+        let counted = Asked::of(&counting, material, time)?;
+        let p50 = |ms: &[f64]| crate::metrics::p50_p99(ms).0;
+        let more = 100.0 * (p50(&exact.whole) / p50(&counted.whole) - 1.0);
+        rows.push(row("whole, plain count", &counted.whole).note(format!(
+            "the likelihood takes {more:+.0} % more at the median"
+        )));
+    }
+    if num_nodes < MIN_LISTED {
+        return Ok(rows);
+    }
+    let mut localizer = localizer;
+    for (kind, name) in [
+        (Candidates::Inverted, "whole, inverted file"),
+        (Candidates::Words, "whole, signatures"),
+    ] {
+        let start = Instant::now();
+        localizer = localizer.with_candidates(kind);
+        localizer.anticipate(time);
+        let build_ms = start.elapsed().as_secs_f64() * 1e3;
+        let listed = Asked::of(&localizer, material, time)?;
+        let same = (listed.first.iter().zip(&exact.first)).filter(|(ours, exact)| ours == exact);
+        let recall = same.count() as f64 / listed.first.len().min(exact.first.len()) as f64;
+        rows.push(row(name, &listed.whole).recall(recall).note(format!(
+            "nearest: same first place as the exact answer, of {}; words and index in {:.1} s",
+            listed.first.len(),
+            build_ms / 1e3
+        )));
+    }
+    Ok(rows)
 }
 
-/// Milliseconds of each stage, one entry an answer.
+/// One answer to each query.
 #[derive(Default)]
-struct Answers {
+struct Asked {
+    /// Milliseconds.
     whole: Vec<f64>,
-    predict: Vec<f64>,
-    matching: Vec<f64>,
-    decide: Vec<f64>,
-    right: usize,
+    first: Vec<Option<NodeId>>,
 }
 
-/// What the stages work in when they are called one by one.
-struct Stages {
-    matcher: Matcher,
-    predicted: PredictedMap,
-    ranked: Vec<Features>,
-    scratch: MatchScratch,
-    matches: Vec<chronotope::matching::Match>,
+impl Asked {
+    fn of(localizer: &Localizer, material: &Material, time: Time) -> Result<Self> {
+        let mut asked = Self::default();
+        let mut scratch = localizer.scratch();
+        let mut out = Localization::default();
+        let start = Instant::now();
+        let features = material.queries.iter().cycle();
+        for features in (material.queries.first().into_iter()).chain(features.take(MAX_ANSWERS)) {
+            if asked.whole.len() > MIN_ANSWERS && start.elapsed().as_secs_f64() > ENOUGH_S {
+                break;
+            }
+            let query = Query {
+                features,
+                time: Some(time),
+                image_size: None,
+            };
+            let start = Instant::now();
+            localizer.localize_into(&mut scratch, &query, &mut out)?;
+            asked.whole.push(start.elapsed().as_secs_f64() * 1e3);
+            asked.first.push(out.first().map(|first| first.node));
+        }
+        // The first one warmed up what is reused.
+        asked.whole.remove(0);
+        asked.first.remove(0);
+        Ok(asked)
+    }
 }
 
-impl Stages {
-    fn new(localizer: &Localizer) -> Self {
-        Self {
-            matcher: Matcher::new(localizer.cfg().matching().clone()),
-            predicted: PredictedMap::new(),
-            ranked: vec![Features::new(); localizer.snapshot().nodes.len()],
-            scratch: MatchScratch::default(),
-            matches: Vec::new(),
-        }
-    }
+/// Milliseconds of predicting all places on one thread, for buckets not asked for before.
+fn predict(localizer: &Localizer, time: Time) -> Result<Vec<f64>> {
+    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    let ms = (1..=4).map(|hour| {
+        let start = Instant::now();
+        alone.install(|| localizer.anticipate(time.plus_us(hour * HOUR_US)));
+        start.elapsed().as_secs_f64() * 1e3
+    });
+    Ok(ms.collect())
+}
 
-    /// Milliseconds of prediction and of matching.
-    fn run(&mut self, localizer: &Localizer, live: &Features, time: Time) -> Result<(f64, f64)> {
-        let start = Instant::now();
-        for (id, ranked) in (0..).map(NodeId).zip(&mut self.ranked) {
-            let model = localizer.model(id).context("the method predicts no map")?;
-            self.predicted
-                .predict(model, time, localizer.cfg().selection());
-            let features = &localizer.snapshot().node(id).features;
-            ranked.gather(features, self.predicted.features());
+fn extract(material: &Material) -> Result<Vec<f64>> {
+    let extractor = StarBrief::default();
+    let mut features = Features::new();
+    let mut outcome = Ok(());
+    let mut images = material.images.iter().cycle();
+    let ms = repeat(material.images.len(), || {
+        if let Some(image) = images.next() {
+            outcome = extractor.extract_into(image, None, &mut features);
         }
-        let predict_ms = start.elapsed().as_secs_f64() * 1e3;
-        let start = Instant::now();
-        for ranked in &self.ranked {
-            self.matcher.matches_into(
-                &mut self.scratch,
-                ranked.view(),
-                live.view(),
-                &mut self.matches,
-            );
-        }
-        Ok((predict_ms, start.elapsed().as_secs_f64() * 1e3))
+    });
+    outcome?;
+    Ok(ms)
+}
+
+/// Milliseconds of matching what was predicted with the first queries, and how many pairs that are.
+fn match_alone(
+    localizer: &Localizer,
+    material: &Material,
+    time: Time,
+    num_queries: usize,
+) -> Result<(Vec<f64>, usize)> {
+    let matcher = Matcher::new(localizer.cfg().matching().clone());
+    let (mut map, mut ends) = (Features::new(), Vec::new());
+    let query = Query {
+        features: &Features::new(),
+        time: Some(time),
+        image_size: None,
+    };
+    let mut found = localizer.localize(&mut localizer.scratch(), &query)?;
+    found.ranking.sort_by_key(|candidate| candidate.node);
+    for candidate in &found.ranking {
+        let node = localizer.snapshot().node(candidate.node);
+        map.append(&node.features, &candidate.predicted);
+        ends.push(map.len());
     }
+    let mut scratch = MatchScratch::default();
+    let mut num_pairs = 0;
+    let mut ms = Vec::new();
+    let queries = material.queries.iter().cycle();
+    for live in (material.queries.first().into_iter()).chain(queries.take(num_queries)) {
+        num_pairs = map.len() * live.len();
+        let start = Instant::now();
+        let mut num_matches = 0;
+        matcher.parts_into(
+            &mut scratch,
+            map.view(),
+            &ends,
+            live.view(),
+            |_, matches| {
+                num_matches += matches.len();
+            },
+        );
+        std::hint::black_box(num_matches);
+        ms.push(start.elapsed().as_secs_f64() * 1e3);
+    }
+    ensure!(ms.len() > 1, "nothing to match");
+    ms.remove(0);
+    Ok((ms, num_pairs))
 }
 
 /// A year of monthly visits to `num_nodes` places, before the first query.

@@ -1,7 +1,7 @@
 //! Which images and descriptors are the measurements made on?
 //!
-//! Real ones where a dataset is named: all but the last visit of each place are learnt, the last one is
-//! asked about. Larger sets are made of them by flipping bits: as many as differ between two sightings
+//! Real ones where a dataset is named: every third visit of each place is asked about, counted from the
+//! last, and the others are learnt. Larger sets are made of them by flipping bits: as many as differ between two sightings
 //! of one feature, a number drawn from what was counted between consecutive visits.
 
 use std::collections::BTreeMap;
@@ -17,8 +17,10 @@ use chronotope::matching::{
     vote_displacement,
 };
 
-/// Images taken of a dataset at most: enough to be varied, few enough to wait for.
-const MAX_VISITS: usize = 13;
+/// Visits taken of a place at most: enough to be varied, few enough to wait for.
+const MAX_VISITS: usize = 60;
+/// One visit in so many is asked about, the last one of a place always.
+const ASKED_OF: usize = 3;
 /// Images that extraction is timed on at most.
 const MAX_IMAGES: usize = 12;
 
@@ -89,7 +91,7 @@ impl Material {
                 if features.is_empty() {
                     continue;
                 }
-                if index + 1 == visits.len() {
+                if (visits.len() - 1 - index).is_multiple_of(ASKED_OF) {
                     material.queries.push(features);
                     material.query_places.push(place);
                     material.times.push(entry.time);
@@ -107,6 +109,7 @@ impl Material {
                 }
             }
         }
+        material.interleave();
         ensure!(
             !material.learnt.is_empty()
                 && !material.queries.is_empty()
@@ -115,6 +118,22 @@ impl Material {
             material.name
         );
         Ok(material)
+    }
+
+    /// Orders learnt images by visit and then by place, so that the first ones show different places.
+    fn interleave(&mut self) {
+        let mut seen: BTreeMap<usize, usize> = BTreeMap::new();
+        let visit_of = |&place: &usize| {
+            let visit = seen.entry(place).or_default();
+            *visit += 1;
+            (*visit, place)
+        };
+        let keys: Vec<(usize, usize)> = self.learnt_places.iter().map(visit_of).collect();
+        let learnt = std::mem::take(&mut self.learnt);
+        let mut learnt: Vec<_> = keys.into_iter().zip(learnt).collect();
+        learnt.sort_by_key(|&(key, _)| key);
+        self.learnt_places = learnt.iter().map(|&((_, place), _)| place).collect();
+        self.learnt = learnt.into_iter().map(|(_, features)| features).collect();
     }
 
     /// Takes in how many bits differ between mutual nearest features that agree on one displacement.

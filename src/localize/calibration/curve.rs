@@ -4,12 +4,14 @@
 //! squares (isotonic regression by pooling adjacent violators; Ayer et al. 1955), linear between the
 //! means of its blocks and constant beyond the first and the last.
 
+use serde::{Deserialize, Serialize};
+
 /// Samples are first gathered into so many blocks of about equal size, at least [`MIN_BLOCK`] each.
 const MAX_BLOCKS: usize = 30;
 const MIN_BLOCK: usize = 20;
 
 /// A non-decreasing piecewise linear function.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Curve {
     /// (score, rate), both ascending; at least one.
     knots: Vec<(f64, f64)>,

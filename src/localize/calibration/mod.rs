@@ -25,15 +25,18 @@
 //! [`Calibration::uninformed`].
 
 mod curve;
+mod store;
 mod temper;
 
 pub use curve::Curve;
+pub use store::ATTACHMENT;
 use temper::Asked;
 pub use temper::Temper;
 
 use std::sync::Arc;
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::evidence::{Expectation, Hits, LogMean};
 use super::{Evidence, Localizer, Method, Plan, Score, Scratch};
@@ -84,7 +87,7 @@ const EVERYTHING: Method = Method::ExperienceAll;
 const MAX_LOG_ODDS: f64 = 60.0;
 
 /// What a [`Localizer`] knows about its own evidence.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     detection: Curve,
     /// How much more often than that features of each place are found.
@@ -102,14 +105,27 @@ pub struct Calibration {
 }
 
 /// How often a feature was looked for where it is not, and found.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "(u32, u32)", into = "(u32, u32)")]
 struct Trials {
     tried: u32,
     found: u32,
 }
 
+impl From<(u32, u32)> for Trials {
+    fn from((tried, found): (u32, u32)) -> Self {
+        Self { tried, found }
+    }
+}
+
+impl From<Trials> for (u32, u32) {
+    fn from(trials: Trials) -> Self {
+        (trials.tried, trials.found)
+    }
+}
+
 /// Where the camera stands between visits: normal around the place's frame, or anywhere.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct DisplacementPrior {
     spread_px: (f64, f64),
     /// Area of displacements that leave some overlap, px^2.
@@ -346,6 +362,12 @@ impl Calibration {
                         counts.found += u32::from(found);
                     }
                 }
+            }
+        }
+        // Of most features of a large map nothing was tried, which takes no memory.
+        for features in self.false_counts.iter_mut().flatten() {
+            if features.iter().all(|trials| trials.tried == 0) {
+                *features = Vec::new();
             }
         }
         if let Some(curve) = Curve::fit(&mut samples) {

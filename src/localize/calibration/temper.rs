@@ -16,8 +16,10 @@
 //! normal prior keeps its minimum finite where there are few images. (Multinomial logistic regression;
 //! with `scale` alone it is temperature scaling, Guo et al. 2017.)
 
+use serde::{Deserialize, Serialize};
+
 /// The worth of a score.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Temper {
     /// Nats of evidence a unit of score.
     pub scale: f64,

@@ -1,0 +1,205 @@
+//! Localising in maps of many places: candidates against the exact answer, batches against single answers.
+
+use std::sync::{Arc, OnceLock};
+
+use chronotope::Time;
+use chronotope::feature::{Descriptor, Features, Keypoint};
+use chronotope::localize::{
+    Candidates, Decision, Localizer, LocalizerConfig, Preset, Query, Score,
+};
+use chronotope::map::{
+    AppearanceUse, MapMeta, Node, NodeId, PlaceKey, SessionId, Snapshot, Visit, VisitId,
+};
+use chronotope::visibility::BitRow;
+
+const NUM_PLACES: usize = 400;
+const NUM_FEATURES: usize = 60;
+const NUM_VISITS: usize = 3;
+
+/// Xorshift (Marsaglia 2003).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0
+    }
+}
+
+/// Places of features that have nothing to do with each other.
+fn map() -> Arc<Snapshot> {
+    static MAP: OnceLock<Arc<Snapshot>> = OnceLock::new();
+    Arc::clone(MAP.get_or_init(|| {
+        let mut random = Random(88_172_645_463_325_252);
+        let mut snapshot = Snapshot::empty(MapMeta::new(1, "none", "default"));
+        for place in 0..NUM_PLACES {
+            let key = PlaceKey::new(&format!("p{place:03}")).expect("a key");
+            let mut node = Node::new(key);
+            for _ in 0..NUM_FEATURES {
+                let keypoint = Keypoint {
+                    x: (random.next() % 400) as f32,
+                    y: (random.next() % 300) as f32,
+                    size: 10.0,
+                    response: 1.0,
+                };
+                let descriptor = Descriptor(std::array::from_fn(|_| random.next()));
+                node.features.push(keypoint, descriptor);
+            }
+            for visit in 0..NUM_VISITS {
+                let time = Time::from_s(1_700_000_000 + visit as i64 * 7_000);
+                let mut seen = BitRow::zeros(NUM_FEATURES);
+                for feature in 0..NUM_FEATURES {
+                    if visit == 0 || !random.next().is_multiple_of(3) {
+                        seen.set(feature);
+                    }
+                }
+                node.log.push_visit(time, seen, None).expect("fits");
+                node.visits.push(Visit {
+                    id: VisitId((place * NUM_VISITS + visit) as u128),
+                    session: SessionId::derive("test"),
+                    time,
+                    source: String::new(),
+                    appearance: None,
+                    appearance_use: AppearanceUse::Recognised,
+                });
+            }
+            snapshot.nodes.push(Arc::new(node));
+        }
+        Arc::new(snapshot)
+    }))
+}
+
+/// Half of a place's features seen again, ten of 256 bits different, all moved by one displacement.
+fn image_of(place: usize) -> Features {
+    let mut random = Random(place as u64 * 2 + 1);
+    let features = &map().nodes[place].features;
+    let mut image = Features::new();
+    for (keypoint, descriptor) in
+        (features.keypoints().iter().zip(features.descriptors())).step_by(2)
+    {
+        let mut seen = *descriptor;
+        for _ in 0..10 {
+            let bit = (random.next() >> 20) as usize % 256;
+            seen.0[bit / 64] ^= 1 << (bit % 64);
+        }
+        let moved = Keypoint {
+            x: keypoint.x + 7.0,
+            ..*keypoint
+        };
+        image.push(moved, seen);
+    }
+    image
+}
+
+fn localizer(candidates: Candidates) -> Localizer {
+    let cfg = LocalizerConfig::default().with_candidates(candidates);
+    Localizer::new(map(), cfg).expect("map fits")
+}
+
+fn query(features: &Features, s: i64) -> Query<'_> {
+    Query {
+        features,
+        time: Some(Time::from_s(1_700_020_000 + s)),
+        image_size: None,
+    }
+}
+
+#[test]
+fn candidates_hold_the_place_and_what_they_say_of_it_is_exact() {
+    let exact = localizer(Candidates::Exact);
+    let mut scratch = exact.scratch();
+    for kind in [Candidates::Inverted, Candidates::Words] {
+        let listed = localizer(kind);
+        for place in (0..NUM_PLACES).step_by(19) {
+            let image = image_of(place);
+            let all = (exact.localize(&mut scratch, &query(&image, 0))).expect("fits");
+            let some = (listed.localize(&mut scratch, &query(&image, 0))).expect("fits");
+            assert_eq!(all.ranking.len(), NUM_PLACES);
+            assert_eq!(some.ranking.len(), 256, "{kind:?}");
+            assert!(some.pairs_compared < all.pairs_compared);
+            assert_eq!(all.decision, Decision::At(NodeId(place as u32)));
+            assert_eq!(some.decision, all.decision, "{kind:?}");
+            for candidate in &some.ranking {
+                let same = all.ranking.iter().find(|it| it.node == candidate.node);
+                let same = same.expect("every place is there");
+                assert_eq!(candidate.score, same.score, "{kind:?}");
+                assert_eq!(candidate.matches, same.matches, "{kind:?}");
+            }
+            // What was not matched keeps a share: the sum of the listed is below 1.
+            let sum: f64 = some.ranking.iter().map(|it| it.posterior).sum();
+            assert!(sum + some.elsewhere <= 1.0 + 1e-12);
+            assert!((some.elsewhere - all.elsewhere).abs() < 0.05);
+        }
+    }
+}
+
+#[test]
+fn an_index_is_the_same_in_every_run_and_small_maps_need_none() {
+    let image = image_of(5);
+    for kind in [Candidates::Inverted, Candidates::Words] {
+        let [a, b] = [(); 2].map(|()| localizer(kind));
+        let [a, b] = [a, b].map(|it| it.localize(&mut it.scratch(), &query(&image, 0)));
+        assert_eq!(a.expect("fits"), b.expect("fits"), "{kind:?}");
+    }
+    let auto = localizer(Candidates::Auto);
+    let found = (auto.localize(&mut auto.scratch(), &query(&image, 0))).expect("fits");
+    assert_eq!(found.ranking.len(), NUM_PLACES, "too few to leave any out");
+}
+
+#[test]
+fn places_vote_by_count_where_nothing_is_calibrated() {
+    let cfg = LocalizerConfig::preset(Preset::Lttl)
+        .with_score(Score::Count)
+        .with_candidates(Candidates::Inverted);
+    let localizer = Localizer::new(map(), cfg).expect("map fits");
+    for place in [0, 77, 399] {
+        let image = image_of(place);
+        let found = localizer.localize(&mut localizer.scratch(), &query(&image, 0));
+        let found = found.expect("fits");
+        assert_eq!(found.ranking.len(), 256);
+        assert_eq!(found.decision, Decision::At(NodeId(place as u32)));
+    }
+}
+
+#[test]
+fn a_batch_is_its_single_answers_for_any_number_of_threads() {
+    let images: Vec<Features> = (0..12).map(|i| image_of(i * 31)).collect();
+    // Times of three buckets, in no order.
+    let queries: Vec<Query<'_>> = (images.iter().zip(0..))
+        .map(|(image, i)| query(image, (i * 7 % 3) * 5_000))
+        .collect();
+    for kind in [Candidates::Exact, Candidates::Inverted] {
+        let localizer = localizer(kind);
+        let singles: Vec<_> = (queries.iter())
+            .map(|query| {
+                localizer
+                    .localize(&mut localizer.scratch(), query)
+                    .expect("fits")
+            })
+            .collect();
+        for num_threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(num_threads)
+                .build();
+            let fresh = self::localizer(kind);
+            let batch = pool
+                .expect("threads")
+                .install(|| fresh.localize_batch(&queries));
+            assert_eq!(
+                batch.expect("fits"),
+                singles,
+                "{kind:?}, {num_threads} threads"
+            );
+        }
+    }
+    let mut queries = queries;
+    queries[7].time = None;
+    let localizer = localizer(Candidates::Exact);
+    assert!(
+        localizer.localize_batch(&queries).is_err(),
+        "one has no time"
+    );
+    assert!(localizer.localize_batch(&[]).expect("none").is_empty());
+}

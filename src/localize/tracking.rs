@@ -252,6 +252,8 @@ pub struct Tracker {
     /// Of each place; nothing before the first image.
     belief: Vec<f64>,
     moved: Vec<f64>,
+    /// Of each place: how likely the image is there.
+    likelihoods: Vec<f64>,
     elsewhere: f64,
 }
 
@@ -278,6 +280,7 @@ impl Tracker {
             motion,
             belief: Vec::new(),
             moved: Vec::new(),
+            likelihoods: Vec::new(),
             elsewhere: 0.0,
         }
     }
@@ -311,17 +314,19 @@ impl Tracker {
             .with_help("use the score `likelihood`, whose posteriors are probabilities"));
         }
         let num_places = self.motion.num_places();
-        if answer.ranking.len() != num_places {
+        let unknown = (answer.ranking.iter()).find(|it| it.node.0 as usize >= num_places);
+        if let Some(unknown) = unknown {
             return Err(Error::new(
                 ErrorKind::Shape,
                 format!(
-                    "the answer ranks {} places, the motion knows {num_places}",
-                    answer.ranking.len()
+                    "the answer ranks node {}, the motion knows {num_places} places",
+                    unknown.node.0
                 ),
             )
             .with_help("make a new tracker when the map has changed"));
         }
         let prior = (1.0 - cfg.elsewhere()) / num_places.max(1) as f64;
+        self.weigh(cfg.elsewhere(), answer);
         if self.belief.is_empty() {
             self.moved.clear();
             self.moved.resize(num_places, prior);
@@ -330,8 +335,8 @@ impl Tracker {
             self.advance(cfg.elsewhere());
         }
         self.elsewhere *= answer.elsewhere / cfg.elsewhere();
-        for candidate in &answer.ranking {
-            self.moved[candidate.node.0 as usize] *= candidate.posterior / prior;
+        for (moved, likelihood) in self.moved.iter_mut().zip(&self.likelihoods) {
+            *moved *= likelihood;
         }
         let total = self.moved.iter().sum::<f64>() + self.elsewhere;
         self.belief.clear();
@@ -349,6 +354,20 @@ impl Tracker {
         }
         answer.follow(cfg, &self.belief, self.elsewhere);
         Ok(())
+    }
+
+    /// What the image alone says of each place, against its prior. In a large map only a short list of
+    /// places is ranked; all others fit at most as badly as the worst of these.
+    fn weigh(&mut self, elsewhere: f64, answer: &Localization) {
+        let prior = (1.0 - elsewhere) / answer.ranking.len().max(1) as f64;
+        let least = (answer.ranking.iter())
+            .map(|candidate| candidate.posterior / prior)
+            .fold(1.0, f64::min);
+        self.likelihoods.clear();
+        self.likelihoods.resize(self.motion.num_places(), least);
+        for candidate in &answer.ranking {
+            self.likelihoods[candidate.node.0 as usize] = candidate.posterior / prior;
+        }
     }
 
     /// Moves the belief on to the next image, into `moved`.
@@ -502,6 +521,16 @@ mod tests {
         let counts = cfg().with_score(crate::localize::Score::Count);
         let refused = tracker.update(&counts, &mut answer(&seen(3, 0, &[])));
         assert_eq!(refused.expect_err("counts").kind(), ErrorKind::Config);
+    }
+
+    #[test]
+    fn places_that_a_short_list_leaves_out_fit_badly() {
+        let mut tracker = Tracker::with_motion(corridor(4, 0.5), MotionConfig::default());
+        let mut listed = answer(&[5.0, 0.1, 0.3]);
+        tracker.update(&cfg(), &mut listed).expect("fits");
+        assert!(tracker.belief()[0] > 0.8, "{tracker:?}");
+        assert_eq!(tracker.belief()[2], tracker.belief()[1]);
+        assert_eq!(listed.ranking.len(), 2);
     }
 
     #[test]

@@ -18,6 +18,7 @@ pub mod results;
 pub mod run;
 pub mod series;
 pub mod several;
+pub mod soak;
 pub mod speed;
 pub mod suite;
 pub mod table;

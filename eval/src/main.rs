@@ -9,6 +9,7 @@ use chronotope_eval::compare_pooled::{POOLED_SUITES, compare_pooled};
 use chronotope_eval::report::{self, ReportInput};
 use chronotope_eval::results::SuiteResults;
 use chronotope_eval::run::{RunOptions, run};
+use chronotope_eval::soak::{self, SoakOptions};
 use chronotope_eval::speed::{self, SpeedOptions};
 use chronotope_eval::suite::Suite;
 use chronotope_eval::{compare, series, table};
@@ -89,6 +90,8 @@ enum Command {
         #[arg(long, default_value = "target/speed")]
         out: PathBuf,
     },
+    /// Visits one place of the rendered street again and again: size, memory, time and accuracy in tenths.
+    Soak(SoakOptions),
 }
 
 fn main() -> ExitCode {
@@ -167,6 +170,7 @@ fn main_of(args: Args) -> Result<()> {
             }
             println!("{}", compare_pooled(&runs, &n)?);
         }
+        Command::Soak(options) => print!("{}", soak::run(&options)?),
         Command::Speed {
             data,
             nodes,

@@ -90,6 +90,11 @@ fn recall(found: impl Iterator<Item = u16>, exact: &[NearestTwo]) -> f64 {
     right.count() as f64 / exact.len() as f64
 }
 
+/// A search that may miss: how often it does not, and how long its index took.
+fn approximate(row: Measurement, recall: f64, build_s: f64) -> Measurement {
+    row.recall(recall).note(format!("built in {build_s:.1} s"))
+}
+
 /// Our inverted file, lists searched by lists searched.
 fn inverted(
     queries: &[Descriptor],
@@ -110,10 +115,8 @@ fn inverted(
             file.nearest_two_into(&mut scratch, queries, &mut found);
         });
         let nearest = found.iter().map(|found| found.best_bits);
-        let measurement = row(&format!("ours, IVF {num_lists}, {probes} probes"), &ms)
-            .recall(recall(nearest, exact))
-            .note(format!("built in {build_s:.1} s"));
-        report.measurements.push(measurement);
+        let ours = row(&format!("ours, IVF {num_lists}, {probes} probes"), &ms);
+        (report.measurements).push(approximate(ours, recall(nearest, exact), build_s));
     }
     Ok(())
 }
@@ -154,10 +157,8 @@ fn hnsw(
                 .first()
                 .map_or(u16::MAX, |nearest| nearest.distance as u16)
         });
-        let measurement = row(&format!("hnsw_rs, ef {ef}"), &ms)
-            .recall(recall(nearest, exact))
-            .note(format!("built in {build_s:.1} s"));
-        report.measurements.push(measurement);
+        let theirs = row(&format!("hnsw_rs, ef {ef}"), &ms);
+        (report.measurements).push(approximate(theirs, recall(nearest, exact), build_s));
     }
 }
 
@@ -184,9 +185,7 @@ fn faiss(
             ensure!(answer.is_equal, "FAISS's flat index finds other distances");
             measurement = measurement.note(format!("version {}, distances equal", search.version));
         } else {
-            measurement = measurement
-                .recall(answer.recall)
-                .note(format!("built in {:.1} s", answer.build_s));
+            measurement = approximate(measurement, answer.recall, answer.build_s);
         }
         report.measurements.push(measurement);
     }

@@ -34,26 +34,8 @@ cargo build --locked --manifest-path crates/dashboard/Cargo.toml --target-dir "$
 dashboard=$out/build/debug/chronotope-dashboard
 eval_command=${CARGO_TARGET_DIR:-target}/release/chronotope-eval
 
-# photograph RECORDING PICTURE: about ten seconds with software rendering.
 photograph() {
-    local raw=$out/raw.png
-    rm -f "$raw"
-    timeout 180 "$viewer/bin/rerun" "$1" --headless --bind 127.0.0.1 --window-size 1600x1000 \
-        --screenshot-to "$raw" </dev/null || fail "the viewer gave no picture of $1"
-    [ -s "$raw" ] || fail "the viewer gave no picture of $1"
-    "$viewer/bin/python" - "$raw" "$2" "$max_bytes" <<'PYTHON'
-import os, sys
-from PIL import Image
-
-raw, picture, max_bytes = sys.argv[1], sys.argv[2], int(sys.argv[3])
-for num_colours in (256, 128, 64, 32):
-    Image.open(raw).convert("RGB").quantize(num_colours, dither=Image.Dither.NONE).save(picture, optimize=True)
-    if os.path.getsize(picture) < max_bytes:
-        break
-else:
-    sys.exit(f"{picture} has {os.path.getsize(picture)} bytes, more than {max_bytes}")
-PYTHON
-    echo "$2: $(stat -c %s "$2") bytes"
+    "$viewer/bin/python" scripts/photograph.py "$viewer/bin/rerun" "$1" "$2" "$max_bytes"
 }
 
 # show SUITE NAME [ARGUMENTS OF chronotope-eval run]: one picture of each page.

@@ -13,7 +13,6 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
-use chronotope::Time;
 use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
 use chronotope::feature::{Extractor, GrayImage, StarBrief, StarBriefConfig};
 use chronotope::learn::{LearnConfig, Learner, Observation};

@@ -1,7 +1,7 @@
 //! Which colour means what?
 //!
 //! The three classes of features are colours of Okabe and Ito that also colour-blind people tell apart;
-//! probabilities run from dark blue to yellow (stops of Matplotlib's viridis), so that brighter means
+//! probabilities run from a greyish blue that is still legible on black to yellow, so that brighter means
 //! more probable without any colour at all.
 
 use rerun::Color;
@@ -28,10 +28,10 @@ const SERIES: [[u8; 3]; 8] = [
 ];
 
 const PROBABILITY: [[f32; 3]; 5] = [
-    [68.0, 40.0, 110.0],
-    [59.0, 82.0, 139.0],
-    [33.0, 145.0, 140.0],
-    [94.0, 201.0, 98.0],
+    [110.0, 115.0, 160.0],
+    [85.0, 140.0, 175.0],
+    [55.0, 175.0, 160.0],
+    [120.0, 210.0, 100.0],
     [253.0, 231.0, 37.0],
 ];
 

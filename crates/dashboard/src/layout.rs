@@ -113,7 +113,7 @@ fn now(contents: &Contents) -> Part {
     let ranks = ["Best place", "Second", "Third"];
     let predicted = (0..contents.num_predicted).map(|rank| {
         let name = format!(
-            "{}: its predicted map, brighter = more likely visible now",
+            "{}, predicted: brighter = likelier visible now, large = found",
             ranks.get(rank).copied().unwrap_or("Next")
         );
         let view = View::pixels(name, entities::predicted(rank), contents.image_size);

@@ -27,7 +27,6 @@ mod series;
 mod spectrum;
 mod spectrum_svg;
 mod student;
-mod trace;
 
 use std::io::IsTerminal;
 use std::path::PathBuf;

@@ -35,6 +35,7 @@ mod evidence;
 mod forecast;
 mod localization;
 mod sweep;
+pub mod trace;
 mod tracking;
 
 use std::sync::Arc;

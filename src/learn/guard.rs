@@ -25,7 +25,8 @@
 //!
 //! Cost: O(features) a visit. Models and past agreements are refreshed when a place has an eighth more visits
 //! than the last time, which is up to nine fits; spread over these visits that is a constant number of
-//! passes over the log.
+//! passes over the log. They are refreshed as well when a budget made the place forget: a budget of few more
+//! features than a visit brings makes that happen at almost every visit.
 //!
 //! Not for deciding where an image was taken: that is `localize`. A doubtful visit is not lost
 //! ([`Held`](crate::map::Held)): somebody who knows better may accept it.

@@ -19,7 +19,7 @@ use chronotope::learn::{LearnConfig, Learner, Observation};
 use chronotope::localize::trace::{Shot, Stage, TraceConfig, Tracer};
 use chronotope::localize::{Localization, Localizer, LocalizerConfig, Query};
 use chronotope::map::{MapMeta, SessionId, derived_uuid};
-use chronotope_dashboard::{Destination, Recorder, RecorderConfig};
+use chronotope_dashboard::{Destination, Page, Recorder, RecorderConfig};
 use clap::Parser;
 
 /// Pictures of the made-up street that the robot sees in turn.
@@ -44,6 +44,9 @@ struct Args {
     /// Send to a viewer instead.
     #[arg(long, num_args = 0..=1, default_missing_value = "rerun+http://127.0.0.1:9876/proxy")]
     connect: Option<String>,
+    /// Open on the page of histories and rhythms.
+    #[arg(long)]
+    why: bool,
 }
 
 fn main() -> Result<()> {
@@ -62,7 +65,9 @@ fn main() -> Result<()> {
         None => Destination::File(args.save),
     };
     // Pictures and points are what weighs: the tracer encodes no more pictures than the recorder draws.
-    let cfg = RecorderConfig::default().with_image_every(args.image_every as u64);
+    let cfg = RecorderConfig::default()
+        .with_image_every(args.image_every as u64)
+        .with_page(if args.why { Page::Why } else { Page::Now });
     let mut recorder = Recorder::new(destination, cfg)?;
     let mut tracer = Tracer::new(
         TraceConfig::default()

@@ -44,8 +44,10 @@ pub(crate) fn series(index: usize) -> Color {
 }
 
 /// The colour of a probability; what lies outside [0, 1] is taken to its end.
+#[expect(clippy::manual_clamp, reason = "clamp keeps what is not a number")]
 pub(crate) fn probability(p: f64) -> Color {
-    let at = p.clamp(0.0, 1.0) as f32 * (PROBABILITY.len() - 1) as f32;
+    // `max` also takes "not a number" to 0.
+    let at = p.max(0.0).min(1.0) as f32 * (PROBABILITY.len() - 1) as f32;
     let stop = (at as usize).min(PROBABILITY.len() - 2);
     let share = at - stop as f32;
     let [r, g, b] = std::array::from_fn(|channel| {

@@ -10,13 +10,13 @@
 //! | `predicted/{}/frame`, `predicted/{}/features` | predicted maps of the best places, best first, in px of the place's first visit, moved to where they were found | the same |
 //! | `belief/decision` | the answer and its reason, Markdown | every query |
 //! | `belief/posterior` | percent of each place by number, then "elsewhere" | every query |
-//! | `belief/over_time/{}` | percent of one place (by number), of the best place, of elsewhere | every query |
-//! | `belief/graph` | places, coloured by posterior, with the ways between them | every query |
+//! | `belief/over_time` | percent of each place (of the best one only, in a map of many), of elsewhere | every query |
+//! | `belief/graph` | places, coloured by posterior; the ways between them | every query; new map |
 //! | `memory/curve_{}/p` | p(t) of a feature: over its history, then at every query | new map; every query |
 //! | `memory/curve_{}/seen` | its history, 0 or 1 | new map |
 //! | `memory/spectrum/amplitude`, `memory/spectrum/window` | spectrum of the first curve's history | new map |
 //! | `memory/similarity` | percent of predicted features found, place x query, of the latest queries | for pictures that are drawn |
-//! | `latency/{}` | milliseconds of a stage | every query |
+//! | `latency` | milliseconds of each stage | every query |
 //! | `map/changes` | what the map holds and what changed, Markdown | new map |
 
 /// Timeline: when the picture was taken.
@@ -54,15 +54,11 @@ pub fn predicted_features(rank: usize) -> String {
 pub const DECISION: &str = "belief/decision";
 /// The posterior of all places, then of "elsewhere".
 pub const POSTERIOR: &str = "belief/posterior";
-/// Parent of the posteriors that are followed over time.
+/// The posteriors that are followed over time: of each place of a small map, else of the best; of
+/// "elsewhere".
 pub const OVER_TIME: &str = "belief/over_time";
 /// The topological map.
 pub const GRAPH: &str = "belief/graph";
-
-/// The posterior over time of one place, `best` or `elsewhere`.
-pub fn over_time(what: &str) -> String {
-    format!("{OVER_TIME}/{what}")
-}
 
 /// Parent of the curve and history of one feature.
 pub fn curve(index: usize) -> String {
@@ -88,13 +84,8 @@ pub const SPECTRUM_WINDOW: &str = "memory/spectrum/window";
 /// Place x query: how much of what was predicted was found.
 pub const SIMILARITY: &str = "memory/similarity";
 
-/// Parent of the stages.
+/// How long each stage took.
 pub const LATENCY: &str = "latency";
-
-/// How long one stage took.
-pub fn latency(stage: &str) -> String {
-    format!("{LATENCY}/{stage}")
-}
 
 /// What the map holds and what changed.
 pub const MAP_CHANGES: &str = "map/changes";

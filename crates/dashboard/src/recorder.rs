@@ -12,7 +12,7 @@
 //!
 //! A trace may come from anybody: numbers that point nowhere are left out, never trusted.
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, VecDeque};
 use std::io;
 use std::net::{TcpStream, ToSocketAddrs};
 use std::path::PathBuf;
@@ -105,8 +105,8 @@ pub struct Recorder {
     map: MapSheet,
     /// Where places are drawn in the graph, by node.
     positions: Vec<[f32; 2]>,
-    /// Series whose name and colour were logged.
-    named: BTreeSet<String>,
+    /// Series whose names and colours were logged, with these names.
+    named: BTreeMap<String, String>,
     /// Percent of predicted features found, by node; the latest query last.
     similarity: VecDeque<Vec<u8>>,
 }
@@ -148,7 +148,7 @@ impl Recorder {
             is_arranged: false,
             map: MapSheet::default(),
             positions: Vec::new(),
-            named: BTreeSet::new(),
+            named: BTreeMap::new(),
             similarity: VecDeque::new(),
         }
     }
@@ -259,6 +259,9 @@ impl Recorder {
         (self.stream).log(entities::MAP_CHANGES, &TextDocument::from_markdown(text))?;
         self.positions = graph::positions(map);
         self.map = map.clone();
+        let edges = (map.edges.iter()).map(|edge| (edge.from.as_str(), edge.to.as_str()));
+        let edges = GraphEdges::new(edges.collect::<Vec<_>>()).with_directed_edges();
+        self.stream.log(entities::GRAPH, &edges)?;
         for (index, curve) in map.curves.iter().enumerate() {
             self.curve(index, curve, time)?;
         }
@@ -271,7 +274,7 @@ impl Recorder {
     /// The history of a feature and its p(t), along the capture time.
     fn curve(&mut self, index: usize, curve: &CurveSheet, time: Option<Time>) -> Result<()> {
         let (p, seen) = (entities::curve_p(index), entities::curve_seen(index));
-        if self.named.insert(p.clone()) {
+        if self.named.insert(p.clone(), String::new()).is_none() {
             self.stream.log_static(
                 p.as_str(),
                 &SeriesLines::new()
@@ -348,35 +351,37 @@ impl Recorder {
             &BarChart::new(percent.clone()).with_color(colours::series(0)),
         )?;
         if num_places <= MAX_FOLLOWED {
-            for (node, name) in trace.places.iter().enumerate() {
-                self.follow(&node.to_string(), name.as_str(), percent[node])?;
-            }
-        } else if let Some(best) = answer.first() {
-            self.follow("best", "the best place", 100.0 * best.posterior)?;
+            let names = trace.places.iter().map(|key| key.as_str());
+            let names: Vec<&str> = names.chain(["elsewhere"]).collect();
+            self.lines(entities::OVER_TIME, &names, &percent)?;
+        } else {
+            let best = answer.first().map_or(0.0, |best| 100.0 * best.posterior);
+            let values = [best, percent[num_places]];
+            self.lines(
+                entities::OVER_TIME,
+                &["the best place", "elsewhere"],
+                &values,
+            )?;
         }
-        self.follow("elsewhere", "elsewhere", percent[num_places])?;
         self.graph(trace, &posterior)
     }
 
-    /// One more point of a posterior over time.
-    fn follow(&mut self, what: &str, name: &str, percent: f64) -> Result<()> {
-        let entity = entities::over_time(what);
-        self.scalar(&entity, name, percent)
-    }
-
-    fn scalar(&mut self, entity: &str, name: &str, value: f64) -> Result<()> {
-        if !self.named.contains(entity) {
-            let colour = colours::series(self.named.len());
-            self.named.insert(entity.to_owned());
+    /// One more point of several lines of one plot.
+    fn lines(&mut self, entity: &'static str, names: &[&str], values: &[f64]) -> Result<()> {
+        let key = format!("{entity}: {}", names.join(", "));
+        if self.named.get(entity) != Some(&key) {
+            self.named.insert(entity.to_owned(), key);
             self.stream.log_static(
                 entity,
                 &SeriesLines::new()
-                    .with_names([name])
-                    .with_colors([colour])
-                    .with_widths([1.5]),
+                    .with_names(names.iter().copied())
+                    .with_colors((0..names.len()).map(colours::series))
+                    .with_widths(vec![1.5; names.len()]),
             )?;
         }
-        Ok(self.stream.log(entity, &Scalars::single(value))?)
+        Ok(self
+            .stream
+            .log(entity, &Scalars::new(values.iter().copied()))?)
     }
 
     fn graph(&self, trace: &Trace<'_>, posterior: &[f64]) -> Result<()> {
@@ -399,21 +404,16 @@ impl Recorder {
             nodes = nodes.with_positions(self.positions.iter().copied());
         }
         self.stream.log(entities::GRAPH, &nodes)?;
-        let edges: Vec<(&str, &str)> = (self.map.edges.iter())
-            .map(|edge| (edge.from.as_str(), edge.to.as_str()))
-            .collect();
-        if !edges.is_empty() {
-            let edges = GraphEdges::new(edges).with_directed_edges();
-            self.stream.log(entities::GRAPH, &edges)?;
-        }
         Ok(())
     }
 
     fn latency(&mut self, trace: &Trace<'_>) -> Result<()> {
-        for stage in &trace.stages {
-            self.scalar(&entities::latency(&stage.name), &stage.name, stage.ms)?;
-        }
-        self.scalar(&entities::latency("total"), "total", trace.duration_ms)
+        let stages = trace.stages.iter();
+        let (names, values): (Vec<&str>, Vec<f64>) = stages
+            .map(|stage| (stage.name.as_ref(), stage.ms))
+            .chain([("total", trace.duration_ms)])
+            .unzip();
+        self.lines(entities::LATENCY, &names, &values)
     }
 
     /// The picture and the three classes of its features.
@@ -493,7 +493,8 @@ impl Recorder {
                     place(trace, candidate.node.0 as usize),
                     candidate.num_inliers,
                     points.len()
-                )]);
+                )])
+                .with_show_labels(true);
             self.stream.log(entities::predicted_frame(rank), &frame)?;
         }
         Ok(())
@@ -788,7 +789,6 @@ fn probe(url: &str) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use std::borrow::Cow;
-    use std::collections::BTreeMap;
 
     use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
     use chronotope::feature::{Extractor, StarBrief, StarBriefConfig};
@@ -905,22 +905,18 @@ mod tests {
             entities::LIVE_UNEXPECTED,
             entities::DECISION,
             entities::POSTERIOR,
-            entities::GRAPH,
             entities::SIMILARITY,
         ];
         for entity in always.map(str::to_owned).into_iter().chain(predicted) {
             assert_eq!(rows.get(&entity), Some(&NUM_QUERIES), "{entity}: {rows:?}");
         }
-        for entity in [
-            entities::over_time("0"),
-            entities::over_time("elsewhere"),
-            entities::latency("localize"),
-            entities::latency("total"),
-        ] {
+        for entity in [entities::OVER_TIME, entities::LATENCY] {
             // One more: how the series is drawn.
-            assert_eq!(rows.get(&entity), Some(&(NUM_QUERIES + 1)), "{entity}");
+            assert_eq!(rows.get(entity), Some(&(NUM_QUERIES + 1)), "{entity}");
         }
         assert_eq!(rows[entities::MAP_CHANGES], 1);
+        // One more: the ways.
+        assert_eq!(rows[entities::GRAPH], NUM_QUERIES + 1);
         for entity in [entities::SPECTRUM_AMPLITUDE, entities::SPECTRUM_WINDOW] {
             assert_eq!(rows[entity], 1);
         }

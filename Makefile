@@ -1,6 +1,6 @@
 # The commands of this repository; `make help` lists them. CI runs `make test` and nothing else.
 .DEFAULT_GOAL := help
-.PHONY: help demo test parity bench speed
+.PHONY: help demo test parity bench speed dashboard screenshots
 
 help: ## Show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1|/p' Makefile | awk -F'|' '{ printf "%-28s %s\n", $$1, $$2 }'
@@ -20,3 +20,9 @@ bench: ## Benchmarks of feature extraction and matching
 
 speed: ## One table against OpenCV, hnsw_rs and FAISS; with DATA=DIR on real images
 	@sh scripts/speed.sh $(if $(DATA),--data "$(DATA)")
+
+dashboard: ## Record the demo for the rerun viewer: target/dashboard/synthetic.rrd
+	@bash scripts/dashboard.sh
+
+screenshots: ## Pictures of recordings in docs/, without a screen; with DATA=DIR also of real images
+	@bash scripts/screenshots.sh $(if $(DATA),"$(DATA)")

@@ -51,6 +51,12 @@ for kernel in $(kernels); do
         -- simd matching localize learn </dev/null
 done
 
+# Last, because rerun takes minutes: no release, no debug information (crates/dashboard/Cargo.toml), and
+# no clippy, which would go through its 400 crates a second time.
+say "dashboard: fmt, tests"
+cargo fmt --manifest-path crates/dashboard/Cargo.toml --all --check
+cargo test --locked --manifest-path crates/dashboard/Cargo.toml </dev/null
+
 say "done"
 # tests/it/architecture.rs sees to it that tests on real data, and no others, have such names.
 num_real=$(grep -cE '^test (.*::)?real_data_.* \.\.\. ok$' "$log" || true)

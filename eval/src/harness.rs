@@ -461,7 +461,7 @@ pub fn live(material: &Material, entry: usize, num_live: usize) -> Features {
 }
 
 /// When each entry was taken, by the arm's clock.
-fn times(dataset: &Dataset, arm: &Arm) -> Result<Vec<Time>> {
+pub(crate) fn times(dataset: &Dataset, arm: &Arm) -> Result<Vec<Time>> {
     let dated = dataset.entries.iter().map(|entry| entry.time);
     Ok(match arm.visit_clock()? {
         None => dated.collect(),

@@ -13,6 +13,7 @@ pub mod harness;
 pub mod judgement;
 pub mod material;
 pub mod metrics;
+pub mod replay;
 pub mod report;
 pub mod results;
 pub mod run;

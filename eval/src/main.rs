@@ -11,7 +11,7 @@ use chronotope_eval::results::SuiteResults;
 use chronotope_eval::run::{RunOptions, run};
 use chronotope_eval::speed::{self, SpeedOptions};
 use chronotope_eval::suite::Suite;
-use chronotope_eval::{compare, series, table};
+use chronotope_eval::{compare, replay, series, table};
 use clap::{Parser, Subcommand};
 
 /// Measures how well Chronotope's methods localise, on real and synthetic images.
@@ -49,6 +49,8 @@ enum Command {
         /// Show this number of features in detail.
         #[arg(long)]
         n: Option<u32>,
+        #[command(flatten)]
+        replays: Replays,
     },
     /// Compares two runs query by query.
     Compare {
@@ -88,6 +90,45 @@ enum Command {
     },
 }
 
+/// What the queries of a suite can be watched again by.
+#[derive(clap::Args)]
+struct Replays {
+    /// Also write the evidence of every query of the default, one JSON object a line, with pictures.
+    #[arg(long, value_name = "OUT.jsonl")]
+    trace: Option<PathBuf>,
+    /// Also write a recording for the rerun viewer.
+    #[cfg(feature = "dashboard")]
+    #[arg(long, value_name = "OUT.rrd")]
+    rerun: Option<PathBuf>,
+}
+
+impl Replays {
+    /// Says before a long run that nothing could be traced.
+    fn check(&self, suite: &Suite) -> Result<()> {
+        #[cfg(feature = "dashboard")]
+        let is_asked_for = self.trace.is_some() || self.rerun.is_some();
+        #[cfg(not(feature = "dashboard"))]
+        let is_asked_for = self.trace.is_some();
+        if is_asked_for {
+            replay::check(suite)?;
+        }
+        Ok(())
+    }
+
+    fn write(&self, suite: &Suite, options: &RunOptions) -> Result<()> {
+        if let Some(path) = &self.trace {
+            let num = replay::write(suite, options, path)?;
+            eprintln!("wrote {num} localisations to {}", path.display());
+        }
+        #[cfg(feature = "dashboard")]
+        if let Some(path) = &self.rerun {
+            let num = replay::record(suite, options, path)?;
+            eprintln!("recorded {num} localisations in {}", path.display());
+        }
+        Ok(())
+    }
+}
+
 fn main() -> ExitCode {
     match main_of(Args::parse()) {
         Ok(()) => ExitCode::SUCCESS,
@@ -112,8 +153,10 @@ fn main_of(args: Args) -> Result<()> {
             out,
             cache,
             n,
+            replays,
         } => {
             let suite = Suite::find(&suite)?;
+            replays.check(&suite)?;
             let options = RunOptions {
                 data,
                 cache: cache.unwrap_or_else(|| out.join("cache")),
@@ -147,6 +190,7 @@ fn main_of(args: Args) -> Result<()> {
                 report::write(&input, &report)?;
                 eprintln!("wrote {} and {}", json.display(), report.display());
             }
+            replays.write(&suite, &options)?;
         }
         Command::Compare { a, b } => {
             let [a, b] = [SuiteResults::read(&a)?, SuiteResults::read(&b)?];

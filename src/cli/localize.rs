@@ -12,10 +12,10 @@ use super::live::{self, Frames};
 use super::output::Output;
 use super::pictures::{Picture, Pictures, TimeSource};
 use super::student::Student;
-use super::trace::Trace;
 use super::{ConfigArgs, Outcome, interrupt, named, preset_of};
 use crate::error::{Error, ErrorKind};
 use crate::feature::{Extractor, ExtractorConfig, Features, GrayImage, LoadOptions, load_mask};
+use crate::localize::trace::{Shot, Stage, TraceConfig, Tracer};
 use crate::localize::{
     Candidate, Decision, Localization, Localizer, LocalizerConfig, Method, Preset, Query, Score,
     Scratch,
@@ -77,6 +77,9 @@ pub(super) struct LocalizeArgs {
     /// Write all evidence as one JSON object for each image; with `-` to stdout, and results to stderr.
     #[arg(long, value_name = "FILE|-")]
     trace: Option<PathBuf>,
+    /// The picture itself goes into every Nth line of the trace; 0: into none.
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "trace")]
+    trace_images: usize,
     #[command(flatten)]
     config: ConfigArgs,
 }
@@ -182,13 +185,46 @@ impl LocalizeArgs {
             Output::file(path)?
         };
         let path = path.clone();
-        Ok((Some(Sink { output, path }), out))
+        let tracer = Tracer::new(TraceConfig::default().with_image_every(self.trace_images));
+        let sink = Sink {
+            output,
+            path,
+            tracer,
+        };
+        Ok((Some(sink), out))
     }
 }
 
 struct Sink {
     output: Output,
     path: PathBuf,
+    tracer: Tracer,
+}
+
+impl Sink {
+    fn write(
+        &mut self,
+        localizer: &Localizer,
+        picture: &Picture,
+        live: &Features,
+        answer: &Localization,
+        stages: &[Stage],
+    ) -> Result<()> {
+        let shot = Shot {
+            name: &picture.name,
+            file: picture.file.as_deref(),
+            recipe: &picture.recipe,
+            picture: &picture.image,
+            time: picture.time.map(|(time, _)| time),
+            time_source: picture.time.map(|(_, source)| source.word()),
+            truth: picture.truth.as_ref(),
+            live,
+            stages,
+        };
+        let trace = self.tracer.trace(localizer, &shot, answer)?;
+        let written = self.output.json(&trace);
+        written.with_context(|| format!("{}: the trace cannot be written", self.path.display()))
+    }
 }
 
 /// How an answer is shown.
@@ -279,9 +315,8 @@ impl<'o> Guide<'o> {
     }
 
     fn answer(&mut self, picture: &Picture) -> Result<()> {
-        let start = Instant::now();
-        let live = match self.localize(picture) {
-            Ok(live) => live,
+        let (live, stages) = match self.localize(picture) {
+            Ok(done) => done,
             Err(error) => {
                 let error = match &picture.file {
                     Some(file) => error.with_path(file),
@@ -291,7 +326,7 @@ impl<'o> Guide<'o> {
                 return Ok(());
             }
         };
-        let duration_ms = start.elapsed().as_secs_f64() * 1e3;
+        let duration_ms: f64 = stages.iter().map(|stage| stage.ms).sum();
         tracing::info!(
             image = picture.name,
             duration_ms,
@@ -307,10 +342,7 @@ impl<'o> Guide<'o> {
             self.outcome = Outcome::Doubtful;
         }
         if let Some(sink) = &mut self.trace {
-            let trace = Trace::new(&self.localizer, picture, &live, &self.answer, duration_ms);
-            let written = sink.output.json(&trace);
-            written
-                .with_context(|| format!("{}: the trace cannot be written", sink.path.display()))?;
+            sink.write(&self.localizer, picture, &live, &self.answer, &stages)?;
         }
         let report = Report::new(&self.localizer, picture, &self.answer, live.len());
         match self.form {
@@ -346,17 +378,20 @@ impl<'o> Guide<'o> {
         Ok(self.outcome)
     }
 
-    /// Extracts and localises; gives the live features.
-    fn localize(&mut self, picture: &Picture) -> crate::Result<Features> {
+    /// Extracts and localises; gives the live features, and how long each took.
+    fn localize(&mut self, picture: &Picture) -> crate::Result<(Features, [Stage; 2])> {
+        let start = Instant::now();
         let mask = both(picture.mask.as_ref(), self.mask.as_ref())?;
         let live = self.extractor.extract(&picture.image, mask.as_ref())?;
+        let extract = Stage::since("extract", start);
+        let start = Instant::now();
         let query = Query {
             features: &live,
             time: picture.time.map(|(time, _)| time),
             image_size: Some((picture.image.width() as u32, picture.image.height() as u32)),
         };
         (self.localizer).localize_into(&mut self.scratch, &query, &mut self.answer)?;
-        Ok(live)
+        Ok((live, [extract, Stage::since("localize", start)]))
     }
 }
 

@@ -23,7 +23,6 @@ mod progress;
 mod series;
 mod spectrum;
 mod student;
-mod trace;
 
 use std::io::IsTerminal;
 use std::path::PathBuf;

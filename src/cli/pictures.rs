@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use crate::dataset::{Clock, Dataset, FileImage, ImageSource, Manifest};
 use crate::error::{Error, ErrorKind, Result};
@@ -21,8 +21,7 @@ use crate::time::Time;
 const INDEX: &str = "index.csv";
 
 /// Who said when a picture was taken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum TimeSource {
     /// The option `--time`.
     Option,
@@ -41,6 +40,17 @@ pub(super) enum TimeSource {
 }
 
 impl TimeSource {
+    /// For programs.
+    pub(super) fn word(self) -> &'static str {
+        match self {
+            Self::Option => "option",
+            Self::Index => "index",
+            Self::Exif => "exif",
+            Self::FileName => "file-name",
+            Self::Clock => "clock",
+        }
+    }
+
     /// For people.
     pub(super) fn name(self) -> &'static str {
         match self {
@@ -50,6 +60,12 @@ impl TimeSource {
             Self::FileName => "from the file name",
             Self::Clock => "now",
         }
+    }
+}
+
+impl Serialize for TimeSource {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.word())
     }
 }
 

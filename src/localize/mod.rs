@@ -31,6 +31,7 @@ mod config;
 mod evidence;
 mod localization;
 mod sweep;
+pub mod trace;
 
 use std::sync::Arc;
 

@@ -1,0 +1,64 @@
+"""Opens a recording in the real viewer without a screen and saves a picture of it.
+
+Usage: photograph.py VIEWER RECORDING PICTURE MAX_BYTES
+
+The viewer's own `--screenshot-to` fires while a recording is still loading and under its own messages; so
+the viewer is started without a screen, asked for a picture once both are over, and stopped. The picture is
+reduced to few colours until it is small enough.
+"""
+
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+
+from PIL import Image
+from rerun.experimental import ViewerClient
+
+SIZE = (1600, 1000)
+SETTLE_S = 15
+TIMEOUT_S = 120
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def main(viewer, recording, picture, max_bytes):
+    port = free_port()
+    raw = os.path.join(tempfile.mkdtemp(), "raw.png")
+    command = [viewer, recording, "--headless", "--bind", "127.0.0.1", "--port", str(port)]
+    command += ["--window-size", f"{SIZE[0]}x{SIZE[1]}"]
+    process = subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    try:
+        time.sleep(SETTLE_S)
+        client = ViewerClient(f"rerun+http://127.0.0.1:{port}/proxy")
+        client.save_screenshot(raw)
+        deadline = time.monotonic() + TIMEOUT_S
+        while not (os.path.exists(raw) and os.path.getsize(raw) > 0):
+            if process.poll() is not None or time.monotonic() > deadline:
+                sys.exit(f"the viewer gave no picture of {recording}")
+            time.sleep(0.2)
+        time.sleep(1.0)
+    finally:
+        process.terminate()
+        process.wait(timeout=30)
+    image = Image.open(raw).convert("RGB").resize(SIZE, Image.Resampling.LANCZOS)
+    for num_colours in (256, 128, 64, 32):
+        image.quantize(num_colours, dither=Image.Dither.NONE).save(picture, optimize=True)
+        if os.path.getsize(picture) < max_bytes:
+            print(f"{picture}: {os.path.getsize(picture)} bytes")
+            return
+    sys.exit(f"{picture} has {os.path.getsize(picture)} bytes, more than {max_bytes}")
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 5:
+        sys.exit(__doc__)
+    main(sys.argv[1], sys.argv[2], sys.argv[3], int(sys.argv[4]))

@@ -135,45 +135,6 @@ impl Replays {
     }
 }
 
-/// What the queries of a suite can be watched again by.
-#[derive(clap::Args)]
-struct Replays {
-    /// Also write the evidence of every query of the default, one JSON object a line, with pictures.
-    #[arg(long, value_name = "OUT.jsonl")]
-    trace: Option<PathBuf>,
-    /// Also write a recording for the rerun viewer.
-    #[cfg(feature = "dashboard")]
-    #[arg(long, value_name = "OUT.rrd")]
-    rerun: Option<PathBuf>,
-}
-
-impl Replays {
-    /// Says before a long run that nothing could be traced.
-    fn check(&self, suite: &Suite) -> Result<()> {
-        #[cfg(feature = "dashboard")]
-        let is_asked_for = self.trace.is_some() || self.rerun.is_some();
-        #[cfg(not(feature = "dashboard"))]
-        let is_asked_for = self.trace.is_some();
-        if is_asked_for {
-            replay::check(suite)?;
-        }
-        Ok(())
-    }
-
-    fn write(&self, suite: &Suite, options: &RunOptions) -> Result<()> {
-        if let Some(path) = &self.trace {
-            let num = replay::write(suite, options, path)?;
-            eprintln!("wrote {num} localisations to {}", path.display());
-        }
-        #[cfg(feature = "dashboard")]
-        if let Some(path) = &self.rerun {
-            let num = replay::record(suite, options, path)?;
-            eprintln!("recorded {num} localisations in {}", path.display());
-        }
-        Ok(())
-    }
-}
-
 fn main() -> ExitCode {
     match main_of(Args::parse()) {
         Ok(()) => ExitCode::SUCCESS,

@@ -23,15 +23,15 @@ const MODELS: [(&str, &str); 9] = [
     ("mean", "model = { kind = 'mean' }"),
     (
         "year/1..12, order 1 (unguarded)",
-        "model = { kind = 'fremen', candidates = { base-s = 31556952.0, count = 12 }, order = { fixed = 1 } }",
+        "model = { kind = 'fremen', candidates = { base-s = 31556952.0, count = 12 }, order = 1 }",
     ),
     (
         "year/1..12, order 2 (unguarded)",
-        "model = { kind = 'fremen', candidates = { base-s = 31556952.0, count = 12 }, order = { fixed = 2 } }",
+        "model = { kind = 'fremen', candidates = { base-s = 31556952.0, count = 12 }, order = 2 }",
     ),
     (
         "year and day, order 2",
-        "model = { kind = 'fremen', candidates = { periods-s = [31556952.0, 86400.0] }, order = { fixed = 2 } }",
+        "model = { kind = 'fremen', candidates = { periods-s = [31556952.0, 86400.0] }, order = 2 }",
     ),
     ("natural", "model = { kind = 'natural' }"),
     (

@@ -13,19 +13,19 @@ say "building the evaluation (release)"
 cargo build --release --locked -p chronotope-eval
 
 say "building the dashboard (rerun: about ten minutes of processor time, once)"
-cargo build --locked --manifest-path crates/dashboard/Cargo.toml --target-dir "$out/build"
+cargo build --locked --manifest-path crates/dashboard/Cargo.toml
 
 say "learning, localising and recording"
 mkdir -p "$out"
 "${CARGO_TARGET_DIR:-target}/release/chronotope-eval" run synthetic --out "$out" \
     --trace "$out/synthetic.jsonl" </dev/null
-"$out/build/debug/chronotope-dashboard" "$out/synthetic.jsonl" --save "$out/synthetic.rrd"
+"${CARGO_TARGET_DIR:-crates/dashboard/target}/debug/chronotope-dashboard" "$out/synthetic.jsonl" --save "$out/synthetic.rrd"
 [ -s "$out/synthetic.rrd" ] || fail "$out/synthetic.rrd was not written"
 
 say "done"
 cat <<END
 The recording: $PWD/$out/synthetic.rrd
 To open it:    pip install rerun-sdk==0.36.3 && rerun $out/synthetic.rrd
-A live robot:  chronotope localize MAP --camera 0 --trace - | $out/build/debug/chronotope-dashboard --connect
+A live robot:  chronotope localize MAP --camera 0 --trace - | crates/dashboard/target/debug/chronotope-dashboard --connect
 Pictures of it without a screen: make screenshots
 END

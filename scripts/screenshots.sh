@@ -30,8 +30,8 @@ fi
 
 say "building"
 cargo build --release --locked -p chronotope-eval
-cargo build --locked --manifest-path crates/dashboard/Cargo.toml --target-dir "$out/build"
-dashboard=$out/build/debug/chronotope-dashboard
+cargo build --locked --manifest-path crates/dashboard/Cargo.toml
+dashboard=${CARGO_TARGET_DIR:-crates/dashboard/target}/debug/chronotope-dashboard
 eval_command=${CARGO_TARGET_DIR:-target}/release/chronotope-eval
 
 photograph() {

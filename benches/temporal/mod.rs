@@ -330,7 +330,7 @@ fn transform(sizes: &Sizes, len: usize) -> Result<Comparison> {
     // Eleven times on and off, with a stray sample now and then.
     let third = len.div_ceil(33);
     let states: Vec<bool> = (0..len)
-        .map(|i| (i / third) % 3 == 0 || random(&mut state).is_multiple_of(1_000))
+        .map(|i| (i / third).is_multiple_of(3) || random(&mut state).is_multiple_of(1_000))
         .collect();
     let second = Period::from_s(1.0)?;
     let plan = || realfft::RealFftPlanner::<f64>::new().plan_fft_forward(len);

@@ -46,8 +46,7 @@ pub trait Motion: Send + Sync {
 }
 
 /// How willing a robot is to move, and to vanish.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, rename_all = "kebab-case", deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "MotionFields", into = "MotionFields")]
 pub struct MotionConfig(MotionFields);
 
@@ -68,12 +67,6 @@ impl Default for MotionFields {
             leave: 0.02,
             enter: 0.1,
         }
-    }
-}
-
-impl Default for MotionConfig {
-    fn default() -> Self {
-        Self(MotionFields::default())
     }
 }
 
@@ -195,7 +188,9 @@ impl Motion for EdgeMotion {
             }
         }
         let each = anywhere / moved.len().max(1) as f64;
-        moved.iter_mut().for_each(|moved| *moved += each);
+        for moved in moved {
+            *moved += each;
+        }
     }
 
     fn num_places(&self) -> usize {
@@ -451,7 +446,9 @@ mod tests {
     fn seen(num_places: usize, at: usize, like: &[usize]) -> Vec<f64> {
         let mut likelihoods = vec![0.05; num_places + 1];
         likelihoods[at] = 3.0;
-        like.iter().for_each(|&at| likelihoods[at] = 3.0);
+        for &at in like {
+            likelihoods[at] = 3.0;
+        }
         likelihoods[num_places] = 0.3;
         likelihoods
     }

@@ -252,7 +252,7 @@ impl PredictedMap {
     }
 
     /// Predicted features of predicted experiences: like [`predict_covering`](Self::predict_covering),
-    /// but each visit counts as much as it is likely to be seen again now ([`Witnesses::likeness`]), in
+    /// but each visit counts as much as it is likely to be seen again now ([`Witnesses::likeness_into`]), in
     /// the choice and in [`likeness`](Self::likeness).
     ///
     /// # Panics

@@ -144,8 +144,8 @@ mod tests {
                 .map(|&time| world.shown(2, time, 0).contains(&element))
                 .collect();
             assert_eq!(log.birth(feature), drawn.iter().position(|&is| is).unwrap());
-            for visit in log.birth(feature)..times.len() {
-                assert_eq!(log.seen_row(visit).get(feature), drawn[visit]);
+            for (visit, &is_drawn) in drawn.iter().enumerate().skip(log.birth(feature)) {
+                assert_eq!(log.seen_row(visit).get(feature), is_drawn);
             }
         }
     }

@@ -8,6 +8,7 @@ reduced to few colours until it is small enough.
 """
 
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -33,8 +34,13 @@ def main(viewer, recording, picture, max_bytes):
     raw = os.path.join(tempfile.mkdtemp(), "raw.png")
     command = [viewer, recording, "--headless", "--bind", "127.0.0.1", "--port", str(port)]
     command += ["--window-size", f"{SIZE[0]}x{SIZE[1]}"]
+    # A session of its own, because the command only starts the viewer and would leave it behind.
     process = subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
     )
     try:
         time.sleep(SETTLE_S)
@@ -47,7 +53,7 @@ def main(viewer, recording, picture, max_bytes):
             time.sleep(0.2)
         time.sleep(1.0)
     finally:
-        process.terminate()
+        os.killpg(process.pid, signal.SIGTERM)
         process.wait(timeout=30)
     image = Image.open(raw).convert("RGB").resize(SIZE, Image.Resampling.LANCZOS)
     for num_colours in (256, 128, 64, 32):

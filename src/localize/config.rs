@@ -142,6 +142,8 @@ pub enum Evidence {
     FalseRates,
     /// That features of some places are found again more often than those of others.
     Repeatability,
+    /// That matches which do not agree with the others are more frequent at the right place.
+    Strays,
 }
 
 /// Which places are matched.

@@ -8,10 +8,13 @@
 //! ln( P(D | here) / P(D | elsewhere) )
 //!   + ln mean over witnesses v of product over f of
 //!         p_fv / q_f * g1(d) / g0(d)        f matched
-//!         (1 - p_fv) / (1 - q_f)            f not matched
+//!         (1 - p_fv) / (1 - q_f) * a / b                    f strays
+//!         (1 - p_fv) / (1 - q_f) * (1 - a) / (1 - b)        f not matched
 //!   p_fv = (p_f + r s_fv) / 2
 //! ```
 //!
+//! A feature is matched if its match agrees with D, and strays if its match does not: a and b are the
+//! probabilities of that, of a feature that is not matched, at the place and in images of others ([`Strays`]).
 //! Matched and missing features both count. The mixture over witnesses (past visits of the place, `s_fv`
 //! whether v saw f, [`Witnesses`]) is what makes features that appear together speak as one: an image
 //! like those of the snowy visits is not held against the place because all summer features are
@@ -55,6 +58,7 @@ pub(super) struct Expectation {
     seen: Vec<[f64; 2]>,
     /// One bit a witness.
     words: Vec<u64>,
+    strays: Strays,
     num_witnesses: usize,
     /// ln of how much each witness counts, which is 1 on average; nothing where all count alike.
     log_weights: Vec<f64>,
@@ -64,6 +68,28 @@ pub(super) struct Expectation {
     nothing: f64,
     /// What each witness adds where all are missing.
     nothing_seen: Vec<f64>,
+}
+
+/// What the features say that did not agree with the others: of each log ratios of here against elsewhere.
+///
+/// A true match may lie beside the others, since the camera stands elsewhere and near things shift more
+/// than far ones; so strays are somewhat more frequent at the place itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Strays {
+    /// ln((1 - a) / (1 - b)): nothing like it in the image.
+    missing: f64,
+    /// ln(a / b): something like it, but not where the others are.
+    stray: f64,
+}
+
+impl Strays {
+    /// Of the probabilities, both between 0 and 1, that a feature strays that is not matched.
+    pub(super) fn new(here: f64, elsewhere: f64) -> Self {
+        Self {
+            missing: ((1.0 - here) / (1.0 - elsewhere)).ln(),
+            stray: (here / elsewhere).ln(),
+        }
+    }
 }
 
 /// Features that were found, with the distance of the match; memory that is used again.
@@ -86,7 +112,8 @@ impl Hits {
 
 impl Expectation {
     /// Starts over, with this many witnesses (0 for an appearance).
-    pub(super) fn restart(&mut self, num_witnesses: usize) {
+    pub(super) fn restart(&mut self, num_witnesses: usize, strays: Strays) {
+        self.strays = strays;
         self.missing.clear();
         self.matched.clear();
         self.seen.clear();
@@ -97,8 +124,13 @@ impl Expectation {
     }
 
     /// Starts over with witnesses that count as much as `likeness` says; alike, where it says nothing.
-    pub(super) fn restart_weighted(&mut self, num_witnesses: usize, likeness: &[f64]) {
-        self.restart(num_witnesses);
+    pub(super) fn restart_weighted(
+        &mut self,
+        num_witnesses: usize,
+        strays: Strays,
+        likeness: &[f64],
+    ) {
+        self.restart(num_witnesses, strays);
         let mean = likeness.iter().sum::<f64>() / likeness.len().max(1) as f64;
         (self.log_weights).extend(likeness.iter().map(|likeness| (likeness / mean).ln()));
         self.forget_sums();
@@ -114,8 +146,9 @@ impl Expectation {
             },
             false_rate,
         );
-        self.missing.push(missing);
-        self.matched.push(matched - missing);
+        let unmatched = missing + self.strays.missing;
+        self.missing.push(unmatched);
+        self.matched.push(matched - unmatched);
         self.words.push(witnesses);
         if self.num_witnesses > 0 {
             let witnessed = (1.0 - WITNESS_WEIGHT) * detection + WITNESS_WEIGHT * REPEATABILITY;
@@ -153,7 +186,8 @@ impl Expectation {
         self.num_settled = len;
     }
 
-    /// The log odds given `matches`, of which `inliers` agree on the displacement of `vote`.
+    /// The log odds given `matches`, of which `inliers` agree on the displacement of `vote`; `num_strays`
+    /// others do not.
     pub(super) fn log_odds(
         &self,
         calibration: &Calibration,
@@ -161,9 +195,12 @@ impl Expectation {
         matches: &[Match],
         inliers: &[bool],
         vote: &Vote,
+        num_strays: usize,
     ) -> f64 {
         let hits = hits.gather(self.num_settled, matches, inliers);
-        let mut common = self.nothing;
+        let num_strays = num_strays.min(self.num_settled.saturating_sub(hits.len()));
+        let mut common =
+            self.nothing + num_strays as f64 * (self.strays.stray - self.strays.missing);
         if vote.num_inliers > 0 {
             common += calibration.displacement_log_ratio(vote.median);
         }
@@ -300,7 +337,7 @@ mod tests {
         let calibration = Calibration::uninformed();
         for num_witnesses in [0, 3] {
             let mut expectation = Expectation::default();
-            expectation.restart(num_witnesses);
+            expectation.restart(num_witnesses, Strays::default());
             for (p, q, word) in features {
                 expectation.push(p, q, word);
             }
@@ -324,6 +361,7 @@ mod tests {
                     &matches,
                     &inliers,
                     &vote,
+                    0,
                 );
                 let expected = by_definition(&features, num_witnesses, &hits);
                 assert!((odds - expected).abs() < 1e-12, "{odds} {expected}");
@@ -337,7 +375,7 @@ mod tests {
         let matches = [found(0, 7), found(3, 9), found(3, 2), found(8, 1)];
         let odds = |lens: &[usize]| {
             let mut expectation = Expectation::default();
-            expectation.restart(3);
+            expectation.restart(3, Strays::default());
             for feature in 0..10_u32 {
                 let p = 0.05 + 0.09 * f64::from(feature);
                 expectation.push(p, 0.02, u64::from(feature % 8));
@@ -352,6 +390,7 @@ mod tests {
                 &matches,
                 &[true; 4],
                 &Vote::default(),
+                0,
             )
         };
         let at_once = odds(&[6]);
@@ -361,19 +400,36 @@ mod tests {
     }
 
     #[test]
-    fn a_match_that_disagrees_counts_as_missing() {
-        let calibration = Calibration::uninformed();
-        let mut expectation = Expectation::default();
-        expectation.restart(0);
-        expectation.push(0.5, 0.01, 0);
-        let vote = Vote::default();
-        expectation.settle(1);
-        let mut hits = Hits::default();
-        let outlier =
-            expectation.log_odds(&calibration, &mut hits, &[found(0, 3)], &[false], &vote);
-        let nothing = expectation.log_odds(&calibration, &mut hits, &[], &[], &vote);
-        assert_eq!(outlier, nothing);
-        assert!(nothing < 0.0);
+    fn a_stray_is_neither_found_nor_missing() {
+        let (here, elsewhere) = (0.3, 0.2);
+        let odds = |strays: Strays, num_strays: usize| {
+            let mut expectation = Expectation::default();
+            expectation.restart(0, strays);
+            expectation.push(0.5, 0.01, 0);
+            expectation.push(0.4, 0.01, 0);
+            expectation.settle(2);
+            let matches: Vec<Match> = (0..num_strays as u32).map(|f| found(f, 3)).collect();
+            expectation.log_odds(
+                &Calibration::uninformed(),
+                &mut Hits::default(),
+                &matches,
+                &vec![false; num_strays],
+                &Vote::default(),
+                num_strays,
+            )
+        };
+        let missing = (0.5 * 0.6 / 0.99_f64.powi(2)).ln();
+        for num_strays in 0..=2 {
+            let told = num_strays as f64 * f64::ln(here / elsewhere)
+                + (2 - num_strays) as f64 * f64::ln((1.0 - here) / (1.0 - elsewhere));
+            let odds_told = odds(Strays::new(here, elsewhere), num_strays);
+            assert!((odds_told - missing - told).abs() < 1e-12);
+            // Where nothing is known of strays, they count as missing.
+            assert!((odds(Strays::default(), num_strays) - missing).abs() < 1e-12);
+        }
+        // There are not more than features.
+        let strays = Strays::new(here, elsewhere);
+        assert_eq!(odds(strays, 7), odds(strays, 2));
     }
 
     #[test]

@@ -417,7 +417,15 @@ impl Localizer {
         let inliers = verify.vote.inliers();
         let known = self.calibration.as_deref().zip(expectation);
         let log_odds = known.map_or(0.0, |(calibration, expectation)| {
-            expectation.log_odds(calibration, &mut verify.hits, matches, inliers, &vote)
+            let num_strays = matches.len() - vote.num_inliers as usize;
+            expectation.log_odds(
+                calibration,
+                &mut verify.hits,
+                matches,
+                inliers,
+                &vote,
+                num_strays,
+            )
         });
         candidate.hear(&self.cfg, visit, matches, inliers, &vote, log_odds);
     }

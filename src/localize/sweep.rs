@@ -226,7 +226,15 @@ impl Localizer {
                 log_odds: self.calibration.as_ref().map_or(0.0, |calibration| {
                     let inliers = verify.vote.inliers();
                     expectation.settle(sizes[size]);
-                    expectation.log_odds(calibration, &mut verify.hits, matches, inliers, &vote)
+                    let num_strays = matches.len() - vote.num_inliers as usize;
+                    expectation.log_odds(
+                        calibration,
+                        &mut verify.hits,
+                        matches,
+                        inliers,
+                        &vote,
+                        num_strays,
+                    )
                 }),
             };
         });

@@ -367,11 +367,11 @@ fn an_attached_calibration_is_taken_while_it_fits_and_never_otherwise() {
     (grown.attachments).insert(ATTACHMENT.to_owned(), marked.as_bytes().into());
     let num_images = known(grown, cfg.clone()).num_images();
     assert!(num_images < 90, "{num_images} is of the copy");
-    let version = marked.replacen("\"version\":1", "\"version\":2", 1);
+    let version = marked.replacen("\"version\":", "\"version\":9", 1);
     let torn = &marked.as_bytes()[..marked.len() / 2];
     let wild = marked.replacen("\"false_rate\":", "\"false_rate\":7", 1);
     for bytes in [version.as_bytes(), torn, b"", wild.as_bytes()] {
-        assert_eq!(known(with(bytes), cfg.clone()), *learnt);
+        assert!(known(with(bytes), cfg.clone()) == *learnt);
     }
 }
 

@@ -9,6 +9,8 @@
 //!   much more or less often than that at each single place;
 //! - for every feature, how often it is found where it is not (`q_f`), drawn to the mean over all features
 //!   by [`FALSE_RATE_PRIOR`] trials;
+//! - how often a feature strays that is not found (its match does not agree with the others): at each place
+//!   in images of others, and how much more often in its own;
 //! - how much a matching distance tells: g1 (seen again, counted while the map was learnt,
 //!   [`Reobservation`]) against g0 (found at wrong places);
 //! - how much a displacement tells: the camera's spread between visits against anywhere;
@@ -38,7 +40,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::evidence::{Expectation, Hits, LogMean};
+use super::evidence::{Expectation, Hits, LogMean, Strays};
 use super::{Evidence, Localizer, Method, Plan, Score, Scratch};
 use crate::error::Result;
 use crate::feature::{Features, FeaturesView};
@@ -52,6 +54,13 @@ use crate::visibility::{self, BitRow, Visits};
 const FALSE_RATE_PRIOR: f64 = 20.0;
 /// So many expected features, all found, are added to those of each place.
 const REPEATABILITY_PRIOR: f64 = 30.0;
+/// So many features at the mean rate are added to those of each place that were counted as strays or missing.
+const STRAY_PRIOR: f64 = 200.0;
+/// The rate of strays while nothing is known.
+const STRAY_RATE: f64 = 0.15;
+/// So many features at that rate are added to those of the whole map.
+const MAP_STRAY_PRIOR: f64 = 100.0;
+const MAX_STRAY_RATE: f64 = 0.9;
 /// The rate of false matches while nothing is known.
 const FALSE_RATE: f64 = 0.01;
 const FALSE_RATES: std::ops::RangeInclusive<f64> = 0.001..=0.9;
@@ -95,6 +104,10 @@ pub struct Calibration {
     false_rate: f64,
     /// Of each place and hypothesis (its predicted map, or each visit): trials of each feature.
     false_counts: Vec<Vec<Vec<Trials>>>,
+    /// How often a feature strays that is not found, of each place in images of others.
+    stray_rates: Vec<f64>,
+    /// How much more often it does in images of its own place.
+    stray_ratio: f64,
     distance_log_ratios: Vec<f64>,
     displacement: Option<DisplacementPrior>,
     /// Whether features that were seen together are expected together.
@@ -162,6 +175,34 @@ struct Found {
     displacement: Displacement,
 }
 
+impl Found {
+    /// Matches that did not agree with the others.
+    fn num_strays(&self) -> usize {
+        (self.num_matches as usize).saturating_sub(self.inliers.len())
+    }
+}
+
+/// Features that were not found, and those among them that strayed.
+#[derive(Clone, Copy, Default)]
+struct StrayCounts {
+    num_unmatched: usize,
+    num_strays: usize,
+}
+
+impl std::ops::AddAssign for StrayCounts {
+    fn add_assign(&mut self, other: Self) {
+        self.num_unmatched += other.num_unmatched;
+        self.num_strays += other.num_strays;
+    }
+}
+
+impl StrayCounts {
+    /// Their share, with `prior` more features at the `usual` rate.
+    fn rate(self, usual: f64, prior: f64) -> f64 {
+        (self.num_strays as f64 + prior * usual) / (self.num_unmatched as f64 + prior)
+    }
+}
+
 /// A place matched with an image.
 struct Trial {
     image: usize,
@@ -185,6 +226,8 @@ impl Calibration {
             repeatability: Vec::new(),
             false_rate: FALSE_RATE,
             false_counts: Vec::new(),
+            stray_rates: Vec::new(),
+            stray_ratio: 1.0,
             distance_log_ratios: vec![0.0; 257],
             displacement: None,
             hears_witnesses: true,
@@ -209,6 +252,7 @@ impl Calibration {
         let (images, trials) = ask(localizer, everything.as_ref().unwrap_or(&localizer.plans))?;
         calibration.num_images = images.len();
         calibration.learn_rates(localizer, &images, &trials);
+        calibration.learn_strays(localizer.plans.len(), &images, &trials);
         let seen = Reobservation::of(&localizer.snapshot)?;
         calibration.learn_distances(&seen, &images, &trials);
         calibration.learn_displacement(&seen, localizer.snapshot.meta.image_size);
@@ -230,17 +274,36 @@ impl Calibration {
                 Evidence::Displacement => self.displacement = None,
                 Evidence::FalseRates => self.false_counts.clear(),
                 Evidence::Repeatability => self.repeatability.clear(),
+                Evidence::Strays => self.stray_rates.clear(),
             }
         }
     }
 
     /// Starts an expectation with as many of the witnesses as are heard.
-    fn restart(&self, expectation: &mut Expectation, num_witnesses: usize, likeness: &[f64]) {
+    fn restart(
+        &self,
+        expectation: &mut Expectation,
+        node: NodeId,
+        num_witnesses: usize,
+        likeness: &[f64],
+    ) {
+        let strays = self.strays_of(node);
         if self.hears_witnesses {
-            expectation.restart_weighted(num_witnesses, likeness);
+            expectation.restart_weighted(num_witnesses, strays, likeness);
         } else {
-            expectation.restart(0);
+            expectation.restart(0, strays);
         }
+    }
+
+    /// What strays say at a place.
+    fn strays_of(&self, node: NodeId) -> Strays {
+        let elsewhere = self.stray_rates.get(node.0 as usize);
+        elsewhere.map_or_else(Strays::default, |&elsewhere| {
+            Strays::new(
+                (elsewhere * self.stray_ratio).min(MAX_STRAY_RATE),
+                elsewhere,
+            )
+        })
     }
 
     /// From a model's score to the probability that the feature is matched at its place.
@@ -299,7 +362,12 @@ impl Calibration {
         predicted: &PredictedMap,
         witnesses: &Witnesses,
     ) {
-        self.restart(expectation, witnesses.num_visits(), predicted.likeness());
+        self.restart(
+            expectation,
+            node,
+            witnesses.num_visits(),
+            predicted.likeness(),
+        );
         for &id in predicted.features() {
             let detection = self.detection_at(node, predicted.scores()[id as usize]);
             let false_rate = self.false_rate_of(node, 0, id as usize, Trials::default());
@@ -315,7 +383,7 @@ impl Calibration {
         visit: u32,
         len: usize,
     ) {
-        expectation.restart(0);
+        expectation.restart(0, self.strays_of(node));
         for rank in 0..len {
             let detection = self.detection_at(node, strength_score(rank));
             let false_rate = self.false_rate_of(node, visit as usize, rank, Trials::default());
@@ -402,6 +470,33 @@ impl Calibration {
         (found.iter().zip(&expected))
             .map(|(found, expected)| found / expected)
             .collect()
+    }
+
+    /// How often features stray that are not found.
+    ///
+    /// What other places' images show is counted for each place; what its own show, which are few, for the
+    /// whole map.
+    fn learn_strays(&mut self, num_places: usize, images: &[Image], trials: &[Trial]) {
+        let [mut of_own, mut of_others] = [StrayCounts::default(); 2];
+        let mut of_place = vec![StrayCounts::default(); num_places];
+        for trial in trials {
+            let is_own = images[trial.image].node == trial.node;
+            for record in &trial.records {
+                let counts = record.strays();
+                if is_own {
+                    of_own += counts;
+                } else {
+                    of_others += counts;
+                    of_place[trial.node] += counts;
+                }
+            }
+        }
+        let [own, others] =
+            [of_own, of_others].map(|counts| counts.rate(STRAY_RATE, MAP_STRAY_PRIOR));
+        self.stray_ratio = own / others;
+        self.stray_rates = (of_place.iter())
+            .map(|counts| counts.rate(others, STRAY_PRIOR).min(MAX_STRAY_RATE))
+            .collect();
     }
 
     fn learn_distances(&mut self, seen: &Reobservation, images: &[Image], trials: &[Trial]) {
@@ -499,7 +594,8 @@ impl Calibration {
             let found = &record.found[size];
             count = count.max(found.num_matches);
             inliers = inliers.max(found.inliers.len() as u32);
-            self.restart(expectation, record.num_witnesses, &record.likeness);
+            let node = NodeId(trial.node as u32);
+            self.restart(expectation, node, record.num_witnesses, &record.likeness);
             let was_found = record.found_at(RATE_SIZE);
             for ((rank, &(feature, score)), was_found) in (record.features.iter().enumerate())
                 .take(SIZES[size])
@@ -510,7 +606,6 @@ impl Calibration {
                     tried: u32::from(!is_own && rank < SIZES[RATE_SIZE]),
                     found: u32::from(!is_own && was_found),
                 };
-                let node = NodeId(trial.node as u32);
                 let false_rate = self.false_rate_of(node, record.hypothesis, feature as usize, but);
                 let word = record.witnesses.get(rank).copied().unwrap_or(0);
                 expectation.push(self.detection_at(node, score), false_rate, word);
@@ -522,7 +617,8 @@ impl Calibration {
             };
             let all = vec![true; found.inliers.len()];
             expectation.settle(SIZES[size]);
-            odds.push(expectation.log_odds(self, hits, &found.inliers, &all, &vote));
+            let num_strays = found.num_strays();
+            odds.push(expectation.log_odds(self, hits, &found.inliers, &all, &vote, num_strays));
         }
         Score::ALL.map(|score| match score {
             Score::Count => f64::from(count),
@@ -841,6 +937,16 @@ impl Localizer {
 }
 
 impl Record {
+    fn strays(&self) -> StrayCounts {
+        let found = &self.found[RATE_SIZE];
+        let num_asked = self.features.len().min(SIZES[RATE_SIZE]);
+        let num_unmatched = num_asked.saturating_sub(found.inliers.len());
+        StrayCounts {
+            num_unmatched,
+            num_strays: found.num_strays().min(num_unmatched),
+        }
+    }
+
     /// Whether each of the first features was found, at one of [`SIZES`].
     fn found_at(&self, size: usize) -> impl Iterator<Item = bool> + use<> {
         let mut found = vec![false; self.features.len().min(SIZES[size])];

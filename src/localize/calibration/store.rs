@@ -25,7 +25,7 @@ use crate::predict::Selection;
 pub const ATTACHMENT: &str = "calibration";
 
 /// Grows when what is stored changes its meaning.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// A SHA-256.
 type Key = [u8; 32];
@@ -77,6 +77,10 @@ impl Calibration {
                 .repeatability
                 .iter()
                 .all(|it| it.is_finite() && *it >= 0.0)
+            && [0, num_places].contains(&self.stray_rates.len())
+            && (self.stray_rates.iter()).all(|rate| *rate > 0.0 && *rate < 1.0)
+            && self.stray_ratio.is_finite()
+            && self.stray_ratio > 0.0
             && [0, num_places].contains(&self.false_counts.len())
             && self.distance_log_ratios.len() == 257
             && self.distance_log_ratios.iter().all(|it| it.is_finite())

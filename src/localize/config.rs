@@ -8,6 +8,9 @@ use crate::predict::{Choice, Selection};
 use crate::time::Time;
 use crate::visibility::VisibilityConfig;
 
+/// An answer may be wrong one time in twenty.
+const RISK: f64 = 0.05;
+
 /// How a place is turned into what the live image is matched with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -289,7 +292,7 @@ impl LocalizerConfig {
                 calibrated: false,
                 without: Vec::new(),
                 elsewhere: 0.1,
-                risk: 0.1,
+                risk: RISK,
                 min_score: 1,
                 time_bucket_s: 0,
                 candidates: Candidates::Exact,
@@ -305,7 +308,7 @@ impl LocalizerConfig {
                 calibrated: true,
                 without: Vec::new(),
                 elsewhere: 0.1,
-                risk: 0.1,
+                risk: RISK,
                 min_score: 4,
                 time_bucket_s: 600,
                 candidates: Candidates::Auto,

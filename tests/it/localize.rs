@@ -271,7 +271,9 @@ fn snapshot_without_last() -> (Arc<Snapshot>, PlaceKey) {
 
 #[test]
 fn places_of_the_map_are_located_and_others_are_not() {
-    let cfg = LocalizerConfig::default().with_elsewhere(0.5);
+    let cfg = LocalizerConfig::default()
+        .with_elsewhere(0.5)
+        .with_risk(0.1);
     let whole = Localizer::new(snapshot(Preset::Default), cfg.clone()).expect("map fits");
     let (part, unknown) = snapshot_without_last();
     let part = Localizer::new(part, cfg).expect("map fits");

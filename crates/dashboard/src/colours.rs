@@ -15,6 +15,11 @@ pub(crate) const UNEXPECTED: [u8; 3] = [86, 180, 233];
 /// Ways, frames, windows.
 pub(crate) const QUIET: [u8; 3] = [130, 130, 140];
 
+/// Lines of a plot's frame.
+pub(crate) const FAINT: [u8; 3] = [60, 60, 68];
+/// Texts of our own plots.
+pub(crate) const TEXT: [u8; 3] = [225, 225, 230];
+
 /// Lines of up to eight series, then again.
 const SERIES: [[u8; 3]; 8] = [
     [86, 180, 233],

@@ -120,6 +120,9 @@ fn minute(us: i64) -> String {
         .collect()
 }
 
+/// Smaller shares have no bar.
+const MIN_SHOWN: f64 = 0.005;
+
 /// One bar with its name.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Bar {
@@ -140,8 +143,14 @@ pub(crate) fn bars(shares: &[f64]) -> Vec<Bar> {
     (shares.iter().enumerate())
         .map(|(row, share)| {
             let y = (row as f32 + 0.5) * pitch;
-            // A line without length is not drawn, so that nothing looks like a little.
-            let end = left + share.max(0.0).min(1.0) as f32 * (right - left);
+            // The ends of a bar are round: what is next to nothing would be drawn as a dot. A line without
+            // length is not drawn.
+            let shown = if *share >= MIN_SHOWN {
+                share.min(1.0)
+            } else {
+                0.0
+            };
+            let end = left + shown as f32 * (right - left);
             Bar {
                 line: [(left, y), (end, y)],
                 radius: 0.3 * pitch,
@@ -186,7 +195,7 @@ mod tests {
 
     #[test]
     fn bars_stay_on_the_canvas_and_apart() {
-        let bars = bars(&[0.0, 0.5, 1.0, 7.0, f64::NAN]);
+        let bars = bars(&[0.001, 0.5, 1.0, 7.0, f64::NAN]);
         let length = |bar: &Bar| bar.line[1].0 - bar.line[0].0;
         assert_eq!(length(&bars[0]), 0.0);
         assert_eq!(length(&bars[4]), 0.0);

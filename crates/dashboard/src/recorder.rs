@@ -41,7 +41,7 @@ pub const SIMILARITY_ROWS: usize = 64;
 /// Best places whose predicted maps are drawn.
 const NUM_PREDICTED: usize = 3;
 /// Maps of more places are followed over time by best place and "elsewhere" only.
-const MAX_FOLLOWED: usize = 7;
+const MAX_FOLLOWED: usize = 8;
 /// Bars with names, without that of "elsewhere".
 const NUM_BARS: usize = MAX_FOLLOWED;
 /// Rows of the table of places.

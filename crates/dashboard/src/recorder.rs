@@ -6,7 +6,7 @@
 //!
 //! Memory stays bounded however long a session is: what is kept is the names of the places, the
 //! similarity of the latest [`SIMILARITY_QUERIES`] queries, and what rerun has not yet written (its
-//! batches are flushed at 1 MiB or 200 ms, and a slow viewer makes the recorder wait). A file grows by
+//! batches are flushed at 1 MiB or 200 ms, files have no footer, and a slow viewer makes the recorder wait). A file grows by
 //! a few kB for a query and some 10 kB for a picture; [`RecorderConfig::with_image_every`] throttles
 //! pictures.
 //!
@@ -23,6 +23,7 @@ use chronotope::Time;
 use chronotope::localize::trace::{CurveSheet, MapSheet, Trace, TracePoint};
 use chronotope::localize::{Candidate, Decision};
 use rerun::external::re_sdk_types::datatypes::Range2D;
+use rerun::sink::{FileSink, FileSinkOptions};
 use rerun::{
     BarChart, Boxes2D, Clear, Color, EncodedImage, GraphEdges, GraphNodes, LineStrips2D, MediaType,
     Points2D, Radius, RecordingStream, RecordingStreamBuilder, Scalars, SeriesLines, Tensor,
@@ -122,9 +123,18 @@ impl Recorder {
     pub fn new(destination: Destination, cfg: RecorderConfig) -> Result<Self> {
         let builder = RecordingStreamBuilder::new(APPLICATION);
         let stream = match &destination {
-            Destination::File(path) => builder
-                .save(path)
-                .with_context(|| format!("cannot write {}", path.display()))?,
+            Destination::File(path) => {
+                // A footer lists every chunk of the file and is kept in memory until the end: it would
+                // grow with the session. Viewers read files without one from the beginning.
+                let options = FileSinkOptions {
+                    write_footer: false,
+                };
+                let file = FileSink::with_options(path, options)
+                    .with_context(|| format!("cannot write {}", path.display()))?;
+                let stream = builder.buffered()?;
+                stream.set_sink(Box::new(file));
+                stream
+            }
             Destination::Viewer(url) => {
                 let no_viewer = || {
                     format!(

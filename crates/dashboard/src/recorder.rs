@@ -6,9 +6,9 @@
 //!
 //! Memory stays bounded however long a session is: what is kept is the names of the places, the
 //! similarity of the latest [`SIMILARITY_QUERIES`] queries, and what rerun has not yet written (its
-//! batches are flushed at 1 MiB or 200 ms, files have no footer, and a slow viewer makes the recorder wait). A file grows by
-//! a few kB for a query and some 10 kB for a picture; [`RecorderConfig::with_image_every`] throttles
-//! pictures.
+//! batches are flushed at 1 MiB or 200 ms, files have no footer, and a slow viewer makes the recorder
+//! wait). A file grows by a few kB for a query and some 10 kB for a picture;
+//! [`RecorderConfig::with_image_every`] throttles pictures.
 //!
 //! A trace may come from anybody: numbers that point nowhere are left out, never trusted.
 

@@ -48,9 +48,9 @@ show() {
         mv "$out/$name.part" "$out/$name.jsonl"
     fi
     "$dashboard" "$out/$name.jsonl" --save "$out/$name.rrd"
-    photograph "$out/$name.rrd" "docs/dashboard-$name.png"
+    photograph "$out/$name.rrd" "docs/dashboard-$name.webp"
     "$dashboard" "$out/$name.jsonl" --save "$out/$name-why.rrd" --why
-    photograph "$out/$name-why.rrd" "docs/dashboard-$name-why.png"
+    photograph "$out/$name-why.rrd" "docs/dashboard-$name-why.webp"
 }
 
 mkdir -p "$out" docs

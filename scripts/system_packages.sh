@@ -51,6 +51,17 @@ need_opencv() {
     [ ${#missing[@]} -eq 0 ] || install_packages "${missing[@]}"
 }
 
+# A browser for the test of the report. Without one the test says that it is skipped: some systems have no
+# package of that name, or nobody there may install it.
+want_browser() {
+    local name
+    for name in chromium chromium-browser google-chrome; do
+        if command -v "$name" >/dev/null; then return; fi
+    done
+    (install_packages chromium) ||
+        say "no Chromium could be installed: the test that opens the report in a browser is skipped"
+}
+
 need_rust() {
     command -v cargo >/dev/null ||
         fail "there is no cargo on the PATH; https://rustup.rs installs Rust"

@@ -8,6 +8,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 need_rust
 need_c_compiler
 need_opencv
+want_browser
 
 log=${CARGO_TARGET_DIR:-target}/test.log
 mkdir -p "$(dirname "$log")"
@@ -55,11 +56,14 @@ done
 # no clippy, which would go through its 400 crates a second time.
 say "dashboard: fmt, tests"
 cargo fmt --manifest-path crates/dashboard/Cargo.toml --all --check
-cargo test --locked --manifest-path crates/dashboard/Cargo.toml </dev/null
+CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope") \
+    cargo test --locked --manifest-path crates/dashboard/Cargo.toml </dev/null
 
 say "done"
 # tests/it/architecture.rs sees to it that tests on real data, and no others, have such names.
 num_real=$(grep -cE '^test (.*::)?real_data_.* \.\.\. ok$' "$log" || true)
+command -v chromium chromium-browser google-chrome >/dev/null ||
+    echo "browser: skipped, the report was opened in none"
 if [ -n "${CHRONOTOPE_DATA:-}" ]; then
     echo "real data: $num_real tests ran on $CHRONOTOPE_DATA"
 else

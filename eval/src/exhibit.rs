@@ -11,8 +11,9 @@ use anyhow::Result;
 use chronotope::Time;
 use chronotope::dataset::{Clock, Dataset, Entry};
 use chronotope::feature::GrayImage;
+use chronotope::localize::trace::{SpectrumSheet, telling};
 use chronotope::localize::{Localization, Localizer, Query};
-use chronotope::map::{Node, NodeId};
+use chronotope::map::Node;
 use chronotope::predict::Selection;
 use chronotope::visibility::{self, VisibilityModel};
 
@@ -20,7 +21,7 @@ use crate::harness::{Fold, live};
 use crate::material::Material;
 use crate::report::{
     FeatureClass, FeaturePicture, GalleryImage, Mistake, Observation, PicturedFeature, Pictures,
-    ProbabilityCurve, TimeAxis,
+    ProbabilityCurve, Raster, RasterRow, TimeAxis,
 };
 use crate::results::{Answer, RowKey, SuiteResults, Variant};
 use crate::table::detail_n;
@@ -29,6 +30,9 @@ use crate::table::detail_n;
 const NUM_FEATURE_PICTURES: usize = 3;
 /// Features whose p(t) is shown.
 const NUM_CURVES: usize = 4;
+/// Features and visits of the raster.
+const MAX_RASTER_FEATURES: usize = 48;
+const MAX_RASTER_VISITS: usize = 160;
 /// Mistakes shown.
 const NUM_MISTAKES: usize = 10;
 /// Points of a drawn p(t).
@@ -68,6 +72,7 @@ pub fn pictures(
     Ok(Pictures {
         features: feature_pictures(material, &exhibit, &answered)?,
         curves: curves(material, &exhibit),
+        raster: raster(material, &exhibit),
         mistakes: mistakes(material, &key, &answered)?,
     })
 }
@@ -198,33 +203,14 @@ fn feature_picture(
     })
 }
 
-/// The features whose predicted visibility swings most among those predicted for some query.
+/// The features with most to tell; see [`telling`].
 fn curves(material: &Material, exhibit: &Exhibit) -> Vec<ProbabilityCurve> {
-    let Some(query_time) = exhibit
-        .fold
-        .query
-        .first()
-        .map(|&entry| exhibit.times[entry])
-    else {
+    let Some(query_time) = query_time(exhibit) else {
         return Vec::new();
     };
     let snapshot = exhibit.localizer.snapshot();
-    let nodes = (0..snapshot.nodes.len() as u32).map(NodeId);
-    let mut swinging: Vec<(f64, NodeId, usize)> = nodes
-        .filter_map(|id| {
-            let model = exhibit.localizer.model(id)?;
-            (0..model.num_features())
-                .map(|feature| {
-                    let swing = model.components(feature).iter().map(|c| c.amplitude).sum();
-                    (swing, id, feature)
-                })
-                .max_by(|a: &(f64, _, _), b| a.0.total_cmp(&b.0))
-        })
-        .collect();
-    swinging.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    swinging.truncate(NUM_CURVES);
-    (swinging.into_iter())
-        .filter_map(|(_, id, feature)| {
+    (telling(&exhibit.localizer, NUM_CURVES).into_iter())
+        .filter_map(|(id, feature)| {
             let model = exhibit.localizer.model(id)?;
             Some(curve(
                 material,
@@ -235,6 +221,66 @@ fn curves(material: &Material, exhibit: &Exhibit) -> Vec<ProbabilityCurve> {
             ))
         })
         .collect()
+}
+
+/// When the first query of the fold was taken.
+fn query_time(exhibit: &Exhibit) -> Option<Time> {
+    let entry = exhibit.fold.query.first()?;
+    exhibit.times.get(*entry).copied()
+}
+
+/// The place of the feature with most to tell: its features that were seen most often, those that were
+/// seen early above.
+fn raster(material: &Material, exhibit: &Exhibit) -> Option<Raster> {
+    let (id, _) = telling(&exhibit.localizer, 1).into_iter().next()?;
+    let model = exhibit.localizer.model(id)?;
+    let node = exhibit.localizer.snapshot().node(id);
+    let times = node.log.times();
+    // The latest visits, if they are too many.
+    let visits = times.len().saturating_sub(MAX_RASTER_VISITS)..times.len();
+    let mut rows: Vec<(usize, f64, RasterRow)> = (0..model.num_features())
+        .map(|feature| {
+            let seen: Vec<Option<bool>> = visits
+                .clone()
+                .map(|visit| seen(node, visit, feature))
+                .collect();
+            let seen_at = || (0..seen.len()).filter(|&at| seen[at] == Some(true));
+            let num_seen = seen_at().count();
+            let centre = seen_at().sum::<usize>() as f64 / num_seen.max(1) as f64;
+            let p = visits
+                .clone()
+                .map(|visit| model.predict_one(feature, times[visit]))
+                .collect();
+            (num_seen, centre, RasterRow { feature, seen, p })
+        })
+        .filter(|(num_seen, ..)| *num_seen > 0)
+        .collect();
+    rows.sort_by(|a, b| b.0.cmp(&a.0).then(a.2.feature.cmp(&b.2.feature)));
+    rows.truncate(MAX_RASTER_FEATURES);
+    rows.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.2.feature.cmp(&b.2.feature)));
+    Some(Raster {
+        place: node.key.as_str().to_owned(),
+        num_features: model.num_features(),
+        axis: axis(material),
+        times: times[visits].iter().map(|time| time.as_s()).collect(),
+        rows: rows.into_iter().map(|(.., row)| row).collect(),
+    })
+}
+
+/// Whether a feature was seen; before its birth nobody could.
+fn seen(node: &Node, visit: usize, feature: usize) -> Option<bool> {
+    match node.log.observation(visit, feature) {
+        Some(visibility::Observation::Seen) => Some(true),
+        Some(visibility::Observation::NotSeen) => Some(false),
+        Some(visibility::Observation::NotObservable) | None => None,
+    }
+}
+
+fn axis(material: &Material) -> TimeAxis {
+    match material.dataset.clock {
+        Clock::Real => TimeAxis::UnixSeconds,
+        Clock::None => TimeAxis::VisitIndex,
+    }
 }
 
 fn curve(
@@ -249,17 +295,19 @@ fn curve(
     let start = ends.clone().min().copied().unwrap_or_default();
     let end = ends.max().copied().unwrap_or_default();
     let span_us = end.as_us().saturating_sub(start.as_us());
-    let observations = (0..node.log.num_visits())
-        .map(|visit| Observation {
-            time: times[visit].as_s(),
-            seen: match node.log.observation(visit, feature) {
-                Some(visibility::Observation::Seen) => Some(true),
-                Some(visibility::Observation::NotObservable) => None,
-                // Before its birth nobody saw it either.
-                Some(visibility::Observation::NotSeen) | None => Some(false),
-            },
+    let history: Vec<Option<bool>> = (0..times.len())
+        .map(|visit| seen(node, visit, feature))
+        .collect();
+    let observations = (times.iter().zip(&history))
+        .map(|(time, &seen)| Observation {
+            time: time.as_s(),
+            seen,
         })
         .collect();
+    let spectrum = match material.dataset.clock {
+        Clock::Real => SpectrumSheet::of(times, &history),
+        Clock::None => SpectrumSheet::default(),
+    };
     let curve = (0..=CURVE_POINTS)
         .map(|i| {
             let us = i128::from(span_us) * i as i128 / CURVE_POINTS as i128;
@@ -280,12 +328,10 @@ fn curve(
                 None => "no rhythm".into(),
             }
         ),
-        axis: match material.dataset.clock {
-            Clock::Real => TimeAxis::UnixSeconds,
-            Clock::None => TimeAxis::VisitIndex,
-        },
+        axis: axis(material),
         observations,
         curve,
+        spectrum,
         query_time: Some(query_time.as_s()),
     }
 }
@@ -306,17 +352,27 @@ fn mistakes(
         })
         .filter(|&(wrong, ..)| wrong > 0.0)
         .collect();
-    // Plain mistakes before ties; spread over the suite rather than all from its first visit.
-    wrong.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    let step = wrong.len().div_ceil(NUM_MISTAKES).max(1);
-    (wrong.into_iter().step_by(step))
+    // Plain mistakes before ties, the surest first: what a robot would have believed most.
+    let certain = |answer: &Answer| sureness(answer).unwrap_or(0.0);
+    wrong.sort_by(|a, b| {
+        (b.0.total_cmp(&a.0))
+            .then(certain(b.2).total_cmp(&certain(a.2)))
+            .then(a.1.cmp(&b.1))
+    });
+    (wrong.into_iter().take(NUM_MISTAKES))
         .map(|(share, entry, answer)| {
             let asked = &entries[entry];
             let kind = if share < 1.0 { "tied" } else { "wrong" };
             Ok(Mistake {
                 title: format!(
-                    "{} ({kind}, {} at n = {})",
-                    asked.id, key.variant.method, key.n
+                    "{} ({kind}{}, {} at n = {})",
+                    asked.id,
+                    sureness(answer).map_or_else(String::new, |share| format!(
+                        ", {:.1} % sure",
+                        100.0 * share
+                    )),
+                    key.variant.method,
+                    key.n
                 ),
                 query: GalleryImage {
                     image: Some(asked.source.load()?),
@@ -338,6 +394,11 @@ fn mistakes(
             })
         })
         .collect()
+}
+
+/// The posterior of the first answer, where the score gives one.
+fn sureness(answer: &Answer) -> Option<f64> {
+    answer.posterior.get(answer.first.as_ref()?).copied()
 }
 
 /// The other image of `place` that was taken closest in time.

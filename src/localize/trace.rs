@@ -101,6 +101,39 @@ pub struct Trace<'a> {
     pub jpeg: Option<Jpeg>,
 }
 
+impl Trace<'_> {
+    /// The same without borrowing anything, for another thread; costs a copy of what was borrowed.
+    pub fn into_owned(self) -> Trace<'static> {
+        fn owned<B: ?Sized + ToOwned>(part: Cow<'_, B>) -> Cow<'static, B> {
+            Cow::Owned(part.into_owned())
+        }
+        Trace {
+            schema_version: self.schema_version,
+            image: owned(self.image),
+            file: self.file.map(owned),
+            recipe: owned(self.recipe),
+            image_size: self.image_size,
+            time: self.time,
+            time_source: self.time_source.map(owned),
+            truth: self.truth,
+            map_uuid: self.map_uuid,
+            map_generation: self.map_generation,
+            method: owned(self.method),
+            score: owned(self.score),
+            selection: self.selection,
+            places: self.places,
+            live: self.live,
+            predicted: self.predicted,
+            localization: owned(self.localization),
+            duration_ms: self.duration_ms,
+            stages: self.stages,
+            curve_probabilities: self.curve_probabilities,
+            map: self.map,
+            jpeg: self.jpeg,
+        }
+    }
+}
+
 /// How long one part of a localisation took.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stage {
@@ -174,8 +207,8 @@ pub struct MapSheet {
     pub edges: Vec<Edge>,
     /// The session with the latest visit; `None` in a map without visits.
     pub latest_session: Option<SessionSheet>,
-    /// The features whose visibility changes most with time: at most
-    /// [`TraceConfig::with_num_curves`], of as many places as there are.
+    /// The features whose visibility changes most with time (where none changes, those whose history is
+    /// split most evenly): at most [`TraceConfig::with_num_curves`], each of another place.
     pub curves: Vec<CurveSheet>,
 }
 
@@ -246,6 +279,67 @@ pub struct SpectrumSheet {
     pub amplitudes: Vec<f64>,
     /// The sampling window, 0 to 1.
     pub window: Vec<f64>,
+}
+
+impl SpectrumSheet {
+    /// The amplitudes of the rhythms of a history: when it was looked for, and whether it was seen.
+    ///
+    /// Frequencies are multiples of one cycle in the span, up to 2.5 a day (twelve a year, where visits are
+    /// more than a day apart). If that is more than [`SPECTRUM_BARS`], each bar shows the highest of its part.
+    pub fn of(times: &[Time], seen: &[Option<bool>]) -> Self {
+        let observed: Vec<(f64, f64)> = (times.iter().zip(seen))
+            .filter_map(|(&time, &seen)| Some((time.since_s(times[0]), f64::from(u8::from(seen?)))))
+            .collect();
+        let mut ascending: Vec<f64> = observed.iter().map(|&(t_s, _)| t_s).collect();
+        ascending.sort_unstable_by(f64::total_cmp);
+        let span_s = match (ascending.first(), ascending.last()) {
+            (Some(first), Some(last)) if last > first => last - first,
+            _ => return Self::default(),
+        };
+        let mut gaps_s: Vec<f64> = ascending.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        gaps_s.sort_unstable_by(f64::total_cmp);
+        let is_daily = gaps_s[gaps_s.len() / 2] <= Period::DAY.as_s();
+        let (per, unit_s, highest) = if is_daily {
+            ("day", Period::DAY.as_s(), 2.5)
+        } else {
+            ("year", Period::YEAR.as_s(), 12.0)
+        };
+        let m = observed.len() as f64;
+        let mean = observed.iter().map(|&(_, state)| state).sum::<f64>() / m;
+        let transform = |f_hz: f64| {
+            let mut sums = [0.0; 4];
+            for &(t_s, state) in &observed {
+                let (sin, cos) = (TAU * f_hz * t_s).sin_cos();
+                let state = state - mean;
+                for (sum, term) in (sums.iter_mut()).zip([state * cos, state * sin, cos, sin]) {
+                    *sum += term;
+                }
+            }
+            (
+                2.0 / m * sums[0].hypot(sums[1]),
+                1.0 / m * sums[2].hypot(sums[3]),
+            )
+        };
+        let num = ((highest / unit_s * span_s).ceil() as usize).max(2);
+        // Years of daily visits have thousands of lines; a part of them shows how high they are.
+        let num = num.min(64 * SPECTRUM_BARS);
+        let per_bar = num.div_ceil(SPECTRUM_BARS);
+        let mut sheet = Self {
+            per: per.into(),
+            ..Self::default()
+        };
+        for first in (1..=num).step_by(per_bar) {
+            let part = first..(first + per_bar).min(num + 1);
+            let middle = (part.start + part.end - 1) as f64 / 2.0;
+            sheet.frequencies.push(middle / span_s * unit_s);
+            let (amplitude, window) = part
+                .map(|k| transform(k as f64 / span_s))
+                .fold((0.0_f64, 0.0_f64), |a, b| (a.0.max(b.0), a.1.max(b.1)));
+            sheet.amplitudes.push(amplitude.min(1.0));
+            sheet.window.push(window.min(1.0));
+        }
+        sheet
+    }
 }
 
 /// What a [`Tracer`] puts into traces.
@@ -390,7 +484,7 @@ impl Tracer {
         {
             return None;
         }
-        let shown = swinging(localizer, self.cfg.num_curves);
+        let shown = telling(localizer, self.cfg.num_curves);
         let curves = (shown.iter())
             .filter_map(|&(node, feature)| {
                 let model = localizer.model(node)?;
@@ -440,24 +534,50 @@ fn predicted(localizer: &Localizer, candidate: &Candidate) -> Vec<TracePoint> {
     })
 }
 
-/// The feature of each place whose p(t) swings most, those that swing most first.
-fn swinging(localizer: &Localizer, num: usize) -> Vec<(NodeId, usize)> {
-    let nodes = (0..localizer.snapshot().nodes.len() as u32).map(NodeId);
-    let mut found: Vec<(f64, NodeId, usize)> = nodes
+/// The feature of each place that has most to tell, those with most first: how far its p(t) swings; where
+/// nothing swings, how evenly its history is split between seen and not seen.
+///
+/// At most `num`; places without a model of time have none.
+pub fn telling(localizer: &Localizer, num: usize) -> Vec<(NodeId, usize)> {
+    let snapshot = localizer.snapshot();
+    let nodes = (0..snapshot.nodes.len() as u32).map(NodeId);
+    let mut found: Vec<([f64; 2], NodeId, usize)> = nodes
         .filter_map(|id| {
             let model = localizer.model(id)?;
             let swing = |feature| model.components(feature).iter().map(|c| c.amplitude).sum();
-            (0..model.num_features())
-                .map(|feature| (swing(feature), id, feature))
-                .max_by(|a: &(f64, _, _), b| a.0.total_cmp(&b.0).then(b.2.cmp(&a.2)))
+            let best = |key: &dyn Fn(usize) -> f64| {
+                (0..model.num_features())
+                    .map(|feature| (key(feature), feature))
+                    .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)))
+            };
+            let (swing, feature) = best(&swing)?;
+            if swing > 0.0 {
+                return Some(([swing, 0.0], id, feature));
+            }
+            let (split, feature) = best(&|feature| split(snapshot.node(id), feature))?;
+            Some(([0.0, split], id, feature))
         })
         .collect();
-    found.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let order = |a: &[f64; 2], b: &[f64; 2]| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]));
+    found.sort_by(|a, b| order(&b.0, &a.0).then(a.1.cmp(&b.1)));
     found.truncate(num);
     found
         .into_iter()
         .map(|(_, id, feature)| (id, feature))
         .collect()
+}
+
+/// With a visits at which a feature was seen and b at which it was not: a b / (a + b).
+fn split(node: &Node, feature: usize) -> f64 {
+    let (mut seen, mut missed) = (0.0, 0.0);
+    for visit in 0..node.log.num_visits() {
+        match node.log.observation(visit, feature) {
+            Some(Observation::Seen) => seen += 1.0,
+            Some(Observation::NotSeen) => missed += 1.0,
+            Some(Observation::NotObservable) | None => {}
+        }
+    }
+    seen * missed / f64::max(seen + missed, 1.0)
 }
 
 /// The history of a feature and its p(t) from the first visit to `now`.
@@ -503,68 +623,9 @@ fn curve(
             .map(|&us| model.predict_one(feature, Time::from_us(us)))
             .collect(),
         times_us,
-        spectrum: spectrum(times, &seen),
+        spectrum: SpectrumSheet::of(times, &seen),
         seen,
     }
-}
-
-/// The amplitudes of a history's rhythms; see [`SpectrumSheet`].
-///
-/// Frequencies are multiples of one cycle in the span, up to 2.5 a day (twelve a year, where visits are
-/// more than a day apart). If that is more than [`SPECTRUM_BARS`], each bar shows the highest of its part.
-fn spectrum(times: &[Time], seen: &[Option<bool>]) -> SpectrumSheet {
-    let observed: Vec<(f64, f64)> = (times.iter().zip(seen))
-        .filter_map(|(&time, &seen)| Some((time.since_s(times[0]), f64::from(u8::from(seen?)))))
-        .collect();
-    let mut ascending: Vec<f64> = observed.iter().map(|&(t_s, _)| t_s).collect();
-    ascending.sort_unstable_by(f64::total_cmp);
-    let span_s = match (ascending.first(), ascending.last()) {
-        (Some(first), Some(last)) if last > first => last - first,
-        _ => return SpectrumSheet::default(),
-    };
-    let mut gaps_s: Vec<f64> = ascending.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    gaps_s.sort_unstable_by(f64::total_cmp);
-    let is_daily = gaps_s[gaps_s.len() / 2] <= Period::DAY.as_s();
-    let (per, unit_s, highest) = if is_daily {
-        ("day", Period::DAY.as_s(), 2.5)
-    } else {
-        ("year", Period::YEAR.as_s(), 12.0)
-    };
-    let m = observed.len() as f64;
-    let mean = observed.iter().map(|&(_, state)| state).sum::<f64>() / m;
-    let transform = |f_hz: f64| {
-        let mut sums = [0.0; 4];
-        for &(t_s, state) in &observed {
-            let (sin, cos) = (TAU * f_hz * t_s).sin_cos();
-            let state = state - mean;
-            for (sum, term) in (sums.iter_mut()).zip([state * cos, state * sin, cos, sin]) {
-                *sum += term;
-            }
-        }
-        (
-            2.0 / m * sums[0].hypot(sums[1]),
-            1.0 / m * sums[2].hypot(sums[3]),
-        )
-    };
-    let num = ((highest / unit_s * span_s).ceil() as usize).max(2);
-    // Years of daily visits have thousands of lines; a part of them shows how high they are.
-    let num = num.min(64 * SPECTRUM_BARS);
-    let per_bar = num.div_ceil(SPECTRUM_BARS);
-    let mut sheet = SpectrumSheet {
-        per: per.into(),
-        ..SpectrumSheet::default()
-    };
-    for first in (1..=num).step_by(per_bar) {
-        let part = first..(first + per_bar).min(num + 1);
-        let middle = (part.start + part.end - 1) as f64 / 2.0;
-        sheet.frequencies.push(middle / span_s * unit_s);
-        let (amplitude, window) = part
-            .map(|k| transform(k as f64 / span_s))
-            .fold((0.0_f64, 0.0_f64), |a, b| (a.0.max(b.0), a.1.max(b.1)));
-        sheet.amplitudes.push(amplitude.min(1.0));
-        sheet.window.push(window.min(1.0));
-    }
-    sheet
 }
 
 /// The session with the latest visit, and what it changed.
@@ -623,7 +684,7 @@ mod tests {
     #[test]
     fn a_daily_rhythm_is_the_highest_bar() {
         let (times, seen) = by_day();
-        let sheet = spectrum(&times, &seen);
+        let sheet = SpectrumSheet::of(&times, &seen);
         assert_eq!(sheet.per, "day");
         assert!(sheet.frequencies.len() <= SPECTRUM_BARS);
         let best = highest(&sheet.amplitudes);
@@ -642,7 +703,7 @@ mod tests {
     fn visits_once_a_day_show_in_the_sampling_window() {
         let times: Vec<Time> = (0..100).map(|day| Time::from_s(day * 86_400)).collect();
         let seen = vec![Some(true); times.len()];
-        let sheet = spectrum(&times, &seen);
+        let sheet = SpectrumSheet::of(&times, &seen);
         for per_day in [1.0, 2.0] {
             let bar = (sheet.frequencies.iter()).position(|f| (f - per_day).abs() < 0.006);
             assert!(sheet.window[bar.expect("a bar")] > 0.99, "{sheet:?}");
@@ -653,10 +714,10 @@ mod tests {
     #[test]
     fn what_could_not_be_observed_has_no_weight() {
         let (mut times, mut seen) = by_day();
-        let without = spectrum(&times, &seen);
+        let without = SpectrumSheet::of(&times, &seen);
         times.insert(7, times[7].plus_us(1));
         seen.insert(7, None);
-        let with = spectrum(&times, &seen);
+        let with = SpectrumSheet::of(&times, &seen);
         for (a, b) in without.amplitudes.iter().zip(&with.amplitudes) {
             assert!((a - b).abs() < 1e-9);
         }
@@ -665,9 +726,12 @@ mod tests {
     #[test]
     fn a_history_of_one_moment_has_no_spectrum() {
         let empty = SpectrumSheet::default();
-        assert_eq!(spectrum(&[], &[]), empty);
-        assert_eq!(spectrum(&[Time::from_s(1)], &[Some(true)]), empty);
-        assert_eq!(spectrum(&[Time::from_s(1); 3], &[Some(true); 3]), empty);
+        assert_eq!(SpectrumSheet::of(&[], &[]), empty);
+        assert_eq!(SpectrumSheet::of(&[Time::from_s(1)], &[Some(true)]), empty);
+        assert_eq!(
+            SpectrumSheet::of(&[Time::from_s(1); 3], &[Some(true); 3]),
+            empty
+        );
     }
 
     #[test]

@@ -5,21 +5,23 @@
 //! cargo run --example live_robot -- --hz 10 --queries 36000 --connect         # one hour, watched live
 //! ```
 //!
-//! At the end it says what localising and recording took, and how much memory the process held after the
-//! first tenth of the session and at its end. Memory is `VmRSS` of Linux; elsewhere it is not shown.
+//! At the end it says what localising took, what recording took of the robot's own loop (a thread of its
+//! own does the rest) and of all processors, and how much memory the process held before the first query,
+//! after a tenth of the session, at its end and at most. Memory and processor time are those of Linux;
+//! elsewhere they are not shown. `--max-mib` makes it fail if recording and its queue ever held more.
 #![allow(clippy::print_stdout)] // reason: the measurement is this example's output.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
 use chronotope::feature::{Extractor, GrayImage, StarBrief, StarBriefConfig};
 use chronotope::learn::{LearnConfig, Learner, Observation};
 use chronotope::localize::trace::{Shot, Stage, TraceConfig, Tracer};
 use chronotope::localize::{Localization, Localizer, LocalizerConfig, Query};
 use chronotope::map::{MapMeta, SessionId, derived_uuid};
-use chronotope_dashboard::{Destination, Page, Recorder, RecorderConfig};
+use chronotope_dashboard::{Background, Destination, Page, RecorderConfig};
 use clap::Parser;
 
 /// Pictures of the made-up street that the robot sees in turn.
@@ -47,6 +49,12 @@ struct Args {
     /// Open on the page of histories and rhythms.
     #[arg(long)]
     why: bool,
+    /// Fail if the process grows by more than this while it records, MiB.
+    #[arg(long)]
+    max_mib: Option<u64>,
+    /// Localise only, for comparison.
+    #[arg(long)]
+    without_recording: bool,
 }
 
 fn main() -> Result<()> {
@@ -68,7 +76,9 @@ fn main() -> Result<()> {
     let cfg = RecorderConfig::default()
         .with_image_every(args.image_every as u64)
         .with_page(if args.why { Page::Why } else { Page::Now });
-    let mut recorder = Recorder::new(destination, cfg)?;
+    let recorder = (!args.without_recording)
+        .then(|| Background::new(destination, cfg))
+        .transpose()?;
     let mut tracer = Tracer::new(
         TraceConfig::default()
             .with_image_every(args.image_every)
@@ -77,6 +87,7 @@ fn main() -> Result<()> {
     let mut scratch = localizer.scratch();
     let mut answer = Localization::default();
     let (mut localizing, mut recording) = (Duration::ZERO, Duration::ZERO);
+    let (idle_kib, idle_s) = (memory_kib("VmRSS:"), processor_s());
     let mut early_kib = None;
     let began = Instant::now();
     for i in 0..args.queries {
@@ -111,31 +122,51 @@ fn main() -> Result<()> {
             live: &live,
             stages: &stages,
         };
-        recorder.record(&tracer.trace(&localizer, &shot, &answer)?)?;
+        if let Some(recorder) = &recorder {
+            recorder.record(tracer.trace(&localizer, &shot, &answer)?)?;
+        }
         recording += before.elapsed();
         if i == args.queries / 10 {
-            early_kib = resident_kib();
+            early_kib = memory_kib("VmRSS:");
         }
     }
-    let late_kib = resident_kib();
-    let num = recorder.finish()?;
+    let late_kib = memory_kib("VmRSS:");
+    recorder.map_or(Ok(0), Background::finish)?;
 
-    let ms = |total: Duration| total.as_secs_f64() * 1e3 / num.max(1) as f64;
+    let num = args.queries.max(1) as f64;
+    let ms = |seconds: f64| seconds * 1e3 / num;
+    let (localizing, recording) = (localizing.as_secs_f64(), recording.as_secs_f64());
     println!(
-        "{num} queries, every {}th picture recorded",
-        args.image_every
+        "{} queries, every {}th picture recorded",
+        args.queries, args.image_every
     );
     println!(
-        "localising {:.2} ms a query, recording {:.2} ms: {:.1} %",
+        "localising {:.2} ms a query, recording {:.3} ms of the robot's loop: {:.1} %",
         ms(localizing),
         ms(recording),
-        100.0 * recording.as_secs_f64() / localizing.as_secs_f64().max(f64::MIN_POSITIVE)
+        100.0 * recording / localizing.max(f64::MIN_POSITIVE)
     );
-    if let (Some(early), Some(late)) = (early_kib, late_kib) {
+    if let (Some(before), Some(after)) = (idle_s, processor_s()) {
         println!(
-            "resident memory {} MiB after a tenth, {} MiB at the end",
-            early / 1024,
-            late / 1024
+            "processor time in all: {:.2} ms a query",
+            ms(after - before)
+        );
+    }
+    if let (Some(idle), Some(early), Some(late), Some(most)) =
+        (idle_kib, early_kib, late_kib, memory_kib("VmHWM:"))
+    {
+        let mib = |kib: u64| kib / 1024;
+        println!(
+            "resident memory: {} MiB before, {} MiB after a tenth, {} MiB at the end, {} MiB at most",
+            mib(idle),
+            mib(early),
+            mib(late),
+            mib(most)
+        );
+        let grown = mib(early.max(late).saturating_sub(idle));
+        ensure!(
+            args.max_mib.is_none_or(|max| grown <= max),
+            "it grew by {grown} MiB while it recorded"
         );
     }
     Ok(())
@@ -160,11 +191,18 @@ fn learn(world: &World, schedule: &Schedule, extractor: &StarBrief) -> Result<Lo
         .context("the map cannot be localised in")
 }
 
-/// What the process holds in memory, KiB.
-fn resident_kib() -> Option<u64> {
+/// What the process holds in memory (`VmRSS:`) or ever held (`VmHWM:`), KiB.
+fn memory_kib(field: &str) -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status
-        .lines()
-        .find_map(|line| line.strip_prefix("VmRSS:"))?;
+    let line = status.lines().find_map(|line| line.strip_prefix(field))?;
     line.trim().strip_suffix("kB")?.trim().parse().ok()
+}
+
+/// Processor time of all threads so far, s.
+fn processor_s() -> Option<f64> {
+    // Clock ticks of user and system time, of which Linux has 100 a second for every program.
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+    let ticks = |index: usize| fields.get(index)?.parse::<f64>().ok();
+    Some((ticks(11)? + ticks(12)?) / 100.0)
 }

@@ -15,8 +15,13 @@ pub(crate) const UNEXPECTED: [u8; 3] = [86, 180, 233];
 /// Ways, frames, windows.
 pub(crate) const QUIET: [u8; 3] = [130, 130, 140];
 
-/// Lines of up to eight series, then again.
-const SERIES: [[u8; 3]; 8] = [
+/// Lines of a plot's frame.
+pub(crate) const FAINT: [u8; 3] = [60, 60, 68];
+/// Texts of our own plots.
+pub(crate) const TEXT: [u8; 3] = [225, 225, 230];
+
+/// Lines of up to nine series, then again.
+const SERIES: [[u8; 3]; 9] = [
     [86, 180, 233],
     [240, 160, 0],
     [0, 200, 140],
@@ -25,6 +30,7 @@ const SERIES: [[u8; 3]; 8] = [
     [213, 94, 0],
     [150, 150, 255],
     [200, 200, 200],
+    [165, 120, 85],
 ];
 
 const PROBABILITY: [[f32; 3]; 5] = [

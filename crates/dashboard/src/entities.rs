@@ -5,17 +5,20 @@
 //!
 //! | entity | holds | logged |
 //! |---|---|---|
-//! | `live/image` | the picture (JPEG) | for pictures that are drawn |
+//! | `live/image` | the picture (JPEG) | pictures that are drawn |
 //! | `live/matched`, `live/missing`, `live/unexpected` | features in px of the picture | the same |
 //! | `predicted/{}/frame`, `predicted/{}/features` | predicted maps of the best places, best first, in px of the place's first visit, moved to where they were found | the same |
 //! | `belief/decision` | the answer and its reason, Markdown | every query |
-//! | `belief/posterior` | percent of each place by number, then "elsewhere" | every query |
 //! | `belief/over_time` | percent of each place (of the best one only, in a map of many), of elsewhere | every query |
-//! | `belief/graph` | places, coloured by posterior; the ways between them | every query; new map |
-//! | `memory/curve_{}/p` | p(t) of a feature: over its history, then at every query | new map; every query |
-//! | `memory/curve_{}/seen` | its history, 0 or 1 | new map |
+//! | `belief/bars`, `belief/bars/names` | posterior of the best places and elsewhere, drawn | pictures that are drawn; new decision |
+//! | `belief/posterior` | percent of each place by number, then "elsewhere" | the same |
+//! | `belief/graph` | places, coloured by posterior; the ways between them | the same; new map |
+//! | `memory/curve_{}/axes`, `memory/curve_{}/texts` | the frame of a feature's history, drawn over its own years | new map |
+//! | `memory/curve_{}/p` | p(t) of the feature | new map |
+//! | `memory/curve_{}/seen` | its history: dots at 1 or 0 | new map |
+//! | `memory/curve_{}/now`, `memory/curve_{}/now/p` | the query's time, and p then | pictures that are drawn |
 //! | `memory/spectrum/amplitude`, `memory/spectrum/window` | spectrum of the first curve's history | new map |
-//! | `memory/similarity` | percent of predicted features found, place x query, of the latest queries | for pictures that are drawn |
+//! | `memory/similarity` | percent of predicted features found, place x query, of the latest queries | pictures that are drawn |
 //! | `latency` | milliseconds of each stage | every query |
 //! | `map/changes` | what the map holds and what changed, Markdown | new map |
 
@@ -57,12 +60,26 @@ pub const POSTERIOR: &str = "belief/posterior";
 /// The posteriors that are followed over time: of each place of a small map, else of the best; of
 /// "elsewhere".
 pub const OVER_TIME: &str = "belief/over_time";
+/// The posterior of the best places, as bars with names.
+pub const BARS: &str = "belief/bars";
+/// Names and values of [`BARS`].
+pub const BAR_NAMES: &str = "belief/bars/names";
 /// The topological map.
 pub const GRAPH: &str = "belief/graph";
 
-/// Parent of the curve and history of one feature.
+/// Parent of what is drawn of one feature.
 pub fn curve(index: usize) -> String {
     format!("memory/curve_{index}")
+}
+
+/// The frame of [`curve`].
+pub fn curve_axes(index: usize) -> String {
+    format!("memory/curve_{index}/axes")
+}
+
+/// Probabilities and dates at the frame.
+pub fn curve_texts(index: usize) -> String {
+    format!("memory/curve_{index}/texts")
 }
 
 /// p(t) of [`curve`].
@@ -73,6 +90,16 @@ pub fn curve_p(index: usize) -> String {
 /// The history of [`curve`].
 pub fn curve_seen(index: usize) -> String {
     format!("memory/curve_{index}/seen")
+}
+
+/// The time of the query in [`curve`].
+pub fn curve_now(index: usize) -> String {
+    format!("memory/curve_{index}/now")
+}
+
+/// p at the time of the query.
+pub fn curve_p_now(index: usize) -> String {
+    format!("memory/curve_{index}/now/p")
 }
 
 /// Parent of the spectrum.

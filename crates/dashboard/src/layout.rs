@@ -16,9 +16,12 @@ use rerun::external::re_sdk_types::blueprint::components::{
 };
 use rerun::external::re_sdk_types::components::{Colormap, MagnificationFilter, Range1D};
 use rerun::external::re_sdk_types::datatypes::{Range2D, Uuid};
-use rerun::{ApplicationId, AsComponents, RecordingStreamBuilder};
+use rerun::{ApplicationId, AsComponents, EncodedImage, RecordingStreamBuilder};
 
-use crate::entities;
+use crate::{drawing, entities};
+
+/// Of the live picture below predicted maps.
+const BACKGROUND_OPACITY: f32 = 0.3;
 
 /// Which page is in front when the recording opens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -33,16 +36,14 @@ pub enum Page {
 /// What the layout depends on.
 #[derive(Clone, Debug)]
 pub(crate) struct Contents {
-    /// The timeline to begin with.
-    pub(crate) timeline: &'static str,
     /// Width and height of pictures, px.
     pub(crate) image_size: (f32, f32),
     /// Places whose predicted maps are shown.
     pub(crate) num_predicted: usize,
-    /// The name of each feature whose history is shown.
-    pub(crate) curves: Vec<String>,
-    /// What the spectrum is of.
-    pub(crate) spectrum: String,
+    /// Whether each place has a colour of its own, the same in bars and lines.
+    pub(crate) has_place_colours: bool,
+    /// Features whose histories are shown.
+    pub(crate) num_curves: usize,
     /// The extent of the graph.
     pub(crate) graph: Range2D,
     pub(crate) page: Page,
@@ -60,8 +61,10 @@ struct View {
     class: &'static str,
     name: String,
     origin: String,
-    /// Entities below the origin that are not part of it.
-    without: Vec<String>,
+    /// Entities beside those below the origin.
+    with: Vec<&'static str>,
+    /// What entities have that say nothing else themselves.
+    defaults: Option<Box<dyn AsComponents>>,
     properties: Vec<(&'static str, Box<dyn AsComponents>)>,
 }
 
@@ -71,7 +74,8 @@ impl View {
             class,
             name: name.into(),
             origin: origin.into(),
-            without: Vec::new(),
+            with: Vec::new(),
+            defaults: None,
             properties: Vec::new(),
         }
     }
@@ -81,18 +85,13 @@ impl View {
         self
     }
 
-    fn series(name: impl Into<String>, origin: impl Into<String>, range: Option<[f64; 2]>) -> Self {
-        let view = Self::new("TimeSeries", name, origin).with(
+    fn series(name: &str, origin: &str, has_legend: bool) -> Self {
+        Self::new("TimeSeries", name, origin).with(
             "PlotLegend",
-            PlotLegend::new().with_corner(Corner2D::LeftTop),
-        );
-        match range {
-            Some([low, high]) => view.with(
-                "ScalarAxis",
-                ScalarAxis::new().with_range(Range1D::new(low, high)),
-            ),
-            None => view,
-        }
+            PlotLegend::new()
+                .with_corner(Corner2D::LeftTop)
+                .with_visible(has_legend),
+        )
     }
 
     fn pixels(name: impl Into<String>, origin: impl Into<String>, size: (f32, f32)) -> Self {
@@ -104,6 +103,11 @@ impl View {
     }
 }
 
+/// A little more than 0 to 100, so that lines at the ends are seen.
+fn percent_axis() -> ScalarAxis {
+    ScalarAxis::new().with_range(Range1D::new(-5.0, 105.0))
+}
+
 fn now(contents: &Contents) -> Part {
     let live = View::pixels(
         "Live picture: green found as predicted, orange predicted but missing, blue unexpected",
@@ -113,10 +117,15 @@ fn now(contents: &Contents) -> Part {
     let ranks = ["Best place", "Second", "Third"];
     let predicted = (0..contents.num_predicted).map(|rank| {
         let name = format!(
-            "{}, predicted: brighter = likelier visible now, large = found",
+            "{}: what should be visible now (brighter = likelier, large = found)",
             ranks.get(rank).copied().unwrap_or("Next")
         );
-        let view = View::pixels(name, entities::predicted(rank), contents.image_size);
+        let mut view = View::pixels(name, entities::predicted(rank), contents.image_size);
+        // The live picture below, dimmed, so that the points are somewhere.
+        view.with.push(entities::LIVE_IMAGE);
+        view.defaults = Some(Box::new(
+            EncodedImage::update_fields().with_opacity(BACKGROUND_OPACITY),
+        ));
         (1.0, Part::View(view))
     });
     let decision = View::new("TextDocument", "Decision", entities::DECISION);
@@ -124,12 +133,31 @@ fn now(contents: &Contents) -> Part {
         "VisualBounds2D",
         VisualBounds2D::new(contents.graph.clone()),
     );
-    let posterior = View::new(
-        "BarChart",
-        "Posterior, % by place number (last: elsewhere)",
-        entities::POSTERIOR,
+    let bars = View::pixels(
+        "Where it may be: posterior, %",
+        entities::BARS,
+        drawing::BARS_SIZE,
     );
-    let over_time = View::series("Posterior over time, %", entities::OVER_TIME, None);
+    let over_time = View::series(
+        if contents.has_place_colours {
+            "The same over all queries (colours as on the left)"
+        } else {
+            "Posterior over all queries, %"
+        },
+        entities::OVER_TIME,
+        !contents.has_place_colours,
+    )
+    .with("ScalarAxis", percent_axis());
+    let mut beliefs = vec![(1.0, Part::View(bars))];
+    if !contents.has_place_colours {
+        let all = View::new(
+            "BarChart",
+            "All places by number (last: elsewhere)",
+            entities::POSTERIOR,
+        );
+        beliefs.push((1.0, Part::View(all)));
+    }
+    beliefs.push((2.0, Part::View(over_time)));
     Part::Column(vec![
         (
             3.0,
@@ -140,22 +168,25 @@ fn now(contents: &Contents) -> Part {
             ]),
         ),
         (2.0, Part::Row(predicted.collect())),
-        (
-            1.6,
-            Part::Row(vec![
-                (1.0, Part::View(posterior)),
-                (2.0, Part::View(over_time)),
-            ]),
-        ),
+        (1.6, Part::Row(beliefs)),
     ])
 }
 
 fn why(contents: &Contents) -> Part {
-    let curves = (contents.curves.iter().enumerate()).map(|(index, name)| {
-        let view = View::series(name.as_str(), entities::curve(index), Some([-0.1, 1.1]));
+    let curves = (0..contents.num_curves).map(|index| {
+        let view = View::pixels(
+            "When is this feature visible? line: p(t); dots: seen (1) or not (0)",
+            entities::curve(index),
+            drawing::CURVE_SIZE,
+        );
         (1.0, Part::View(view))
     });
-    let spectrum = View::new("BarChart", contents.spectrum.as_str(), entities::SPECTRUM);
+    let spectrum = View::new(
+        "BarChart",
+        "Rhythms of the first feature, cycles per year or day; grey: when visits came",
+        entities::SPECTRUM,
+    )
+    .with("PlotLegend", PlotLegend::new().with_visible(false));
     let similarity = View::new(
         "Tensor",
         "Similarity, place x latest queries: % of predicted features found",
@@ -171,7 +202,11 @@ fn why(contents: &Contents) -> Part {
         "TensorViewFit",
         TensorViewFit::new().with_scaling(ViewFit::Fill),
     );
-    let latency = View::series("Latency by stage, ms", entities::LATENCY, None);
+    let latency = View::series(
+        "Latency by stage, ms, over all queries",
+        entities::LATENCY,
+        true,
+    );
     let changes = View::new("TextDocument", "Map", entities::MAP_CHANGES);
     let mut left: Vec<(f32, Part)> = curves.collect();
     if left.is_empty() {
@@ -252,7 +287,7 @@ impl Writer {
         }
         let time = TimePanelBlueprint::new()
             .with_state(PanelState::Collapsed)
-            .with_timeline(contents.timeline)
+            .with_timeline(entities::QUERY)
             .with_play_state(PlayState::Following);
         stream.log("time_panel", &time)?;
         Ok(storage.take())
@@ -317,13 +352,17 @@ impl Writer {
         let id = self.next_id();
         let path = format!("view/{}", hyphenated(id));
         let within = std::iter::once("+ $origin/**".to_owned())
-            .chain(view.without.iter().map(|entity| format!("- /{entity}/**")));
+            .chain(view.with.iter().map(|entity| format!("+ /{entity}")));
         self.stream
             .log(format!("{path}/ViewContents"), &ViewContents::new(within))?;
         let blueprint = ViewBlueprint::new(view.class)
             .with_display_name(view.name)
             .with_space_origin(view.origin);
         self.stream.log(path.as_str(), &blueprint)?;
+        if let Some(defaults) = &view.defaults {
+            self.stream
+                .log(format!("{path}/defaults"), defaults.as_ref())?;
+        }
         for (name, property) in &view.properties {
             self.stream
                 .log(format!("{path}/{name}"), property.as_ref())?;

@@ -8,13 +8,16 @@
 //!
 //! This crate is the only one that names rerun, and computes nothing of its own.
 
+mod background;
 mod colours;
+mod drawing;
 pub mod entities;
 mod graph;
 mod layout;
 mod reader;
 mod recorder;
 
+pub use background::Background;
 pub use layout::Page;
 pub use reader::{MAX_LINE_BYTES, TraceReader};
 pub use recorder::{Destination, Recorder, RecorderConfig, SIMILARITY_QUERIES, SIMILARITY_ROWS};

@@ -4,17 +4,29 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+use chronotope::localize::trace::Trace;
 use chronotope_dashboard::{Destination, Page, Recorder, RecorderConfig, TraceReader};
 use clap::{ArgGroup, Parser};
 
 /// A viewer on this machine, as `rerun` starts it.
 const LOCAL_VIEWER: &str = "rerun+http://127.0.0.1:9876/proxy";
 
+/// Traces that are read ahead of the recording.
+const READ_AHEAD: usize = 16;
+/// How long a pipe may go on after Ctrl-C, which its writer has received as well and ends by.
+const GRACE: Duration = Duration::from_secs(2);
+const POLL: Duration = Duration::from_millis(100);
+
 /// Shows what Chronotope believed and why: turns traces into recordings for the rerun viewer.
 ///
 /// The viewer is no part of this program: `pip install rerun-sdk==0.36.3` brings the command `rerun`.
+/// Ctrl-C ends the recording as the end of its input does: the file is complete.
 #[derive(Debug, Parser)]
 #[command(
     version,
@@ -73,14 +85,20 @@ fn run(args: &Args) -> Result<u64> {
         .with_image_every(args.image_every)
         .with_page(page);
     let mut recorder = Recorder::new(destination, cfg)?;
-    let mut reader = TraceReader::new(BufReader::new(input));
+    let is_pipe = !matches!(args.trace.as_deref(), Some(path) if path != Path::new("-"));
+    let mut stop = Stop::new(if is_pipe { GRACE } else { Duration::ZERO })?;
+    let traces = read_ahead(input)?;
     let outcome = loop {
-        match reader.next_trace() {
-            Ok(Some(trace)) => recorder
+        match traces.recv_timeout(POLL) {
+            Ok(Ok((line, trace))) => recorder
                 .record(&trace)
-                .with_context(|| format!("{name}: line {}", reader.line_number()))?,
-            Ok(None) => break Ok(()),
-            Err(error) => break Err(error.context(name)),
+                .with_context(|| format!("{name}: line {line}"))?,
+            Ok(Err(error)) => break Err(error.context(name)),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => break Ok(()),
+        }
+        if stop.is_due() {
+            break Ok(());
         }
     };
     // What came before a bad line is kept.
@@ -92,13 +110,69 @@ fn run(args: &Args) -> Result<u64> {
     Ok(num_queries)
 }
 
-fn open(trace: Option<&Path>) -> Result<(String, Box<dyn Read>)> {
+/// Reads on a thread of its own, so that Ctrl-C is heard while a pipe is silent.
+fn read_ahead(input: Box<dyn Read + Send>) -> Result<Receiver<Result<(u64, Trace<'static>)>>> {
+    let (sender, traces) = sync_channel(READ_AHEAD);
+    std::thread::Builder::new()
+        .name("reader".into())
+        .spawn(move || {
+            let mut reader = TraceReader::new(BufReader::new(input));
+            loop {
+                let read = reader.next_trace();
+                let Some(read) = read
+                    .map(|trace| trace.map(|trace| (reader.line_number(), trace)))
+                    .transpose()
+                else {
+                    return;
+                };
+                let is_bad = read.is_err();
+                if sender.send(read).is_err() || is_bad {
+                    return;
+                }
+            }
+        })
+        .context("no thread to read with")?;
+    Ok(traces)
+}
+
+/// Whether Ctrl-C asks for an end: at once at the second, else once the input has had its time to end.
+struct Stop {
+    presses: Arc<AtomicU32>,
+    grace: Duration,
+    since: Option<Instant>,
+}
+
+impl Stop {
+    fn new(grace: Duration) -> Result<Self> {
+        let presses = Arc::new(AtomicU32::new(0));
+        let counted = Arc::clone(&presses);
+        ctrlc::set_handler(move || {
+            counted.fetch_add(1, Ordering::Relaxed);
+        })
+        .context("Ctrl-C cannot be listened for")?;
+        Ok(Self {
+            presses,
+            grace,
+            since: None,
+        })
+    }
+
+    fn is_due(&mut self) -> bool {
+        match self.presses.load(Ordering::Relaxed) {
+            0 => false,
+            1 => self.since.get_or_insert_with(Instant::now).elapsed() >= self.grace,
+            _ => true,
+        }
+    }
+}
+
+fn open(trace: Option<&Path>) -> Result<(String, Box<dyn Read + Send>)> {
     match trace {
         Some(path) if path != Path::new("-") => {
             let name = path.display().to_string();
             let file = File::open(path).with_context(|| format!("cannot read {name}"))?;
             Ok((name, Box::new(file)))
         }
-        _ => Ok(("stdin".into(), Box::new(io::stdin().lock()))),
+        _ => Ok(("stdin".into(), Box::new(io::stdin()))),
     }
 }

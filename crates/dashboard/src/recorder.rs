@@ -6,9 +6,9 @@
 //!
 //! Memory stays bounded however long a session is: what is kept is the names of the places, the
 //! similarity of the latest [`SIMILARITY_QUERIES`] queries, and what rerun has not yet written (its
-//! batches are flushed at 1 MiB or 200 ms, and a slow viewer makes the recorder wait). A file grows by
-//! a few kB for a query and some 10 kB for a picture; [`RecorderConfig::with_image_every`] throttles
-//! pictures.
+//! batches are flushed at 1 MiB or 200 ms, files have no footer, and a slow viewer makes the recorder
+//! wait). A file grows by a few kB for a query and some 10 kB for a picture;
+//! [`RecorderConfig::with_image_every`] throttles pictures.
 //!
 //! A trace may come from anybody: numbers that point nowhere are left out, never trusted.
 
@@ -22,16 +22,16 @@ use anyhow::{Context, Result, bail};
 use chronotope::Time;
 use chronotope::localize::trace::{CurveSheet, MapSheet, Trace, TracePoint};
 use chronotope::localize::{Candidate, Decision};
-use rerun::external::re_sdk_types::components::MarkerShape;
 use rerun::external::re_sdk_types::datatypes::Range2D;
+use rerun::sink::{FileSink, FileSinkOptions};
 use rerun::{
-    BarChart, Boxes2D, Clear, Color, EncodedImage, GraphEdges, GraphNodes, MediaType, Points2D,
-    Radius, RecordingStream, RecordingStreamBuilder, Scalars, SeriesLines, SeriesPoints, Tensor,
-    TensorBuffer, TensorData, TextDocument, TimeColumn,
+    BarChart, Boxes2D, Clear, Color, EncodedImage, GraphEdges, GraphNodes, LineStrips2D, MediaType,
+    Points2D, Radius, RecordingStream, RecordingStreamBuilder, Scalars, SeriesLines, Tensor,
+    TensorBuffer, TensorData, TextDocument,
 };
 
 use crate::layout::{self, Contents, Page};
-use crate::{colours, entities, graph};
+use crate::{colours, drawing, entities, graph};
 
 /// The name under which viewers keep the layout.
 const APPLICATION: &str = "chronotope";
@@ -42,7 +42,9 @@ pub const SIMILARITY_ROWS: usize = 64;
 /// Best places whose predicted maps are drawn.
 const NUM_PREDICTED: usize = 3;
 /// Maps of more places are followed over time by best place and "elsewhere" only.
-const MAX_FOLLOWED: usize = 12;
+const MAX_FOLLOWED: usize = 8;
+/// Bars with names, without that of "elsewhere".
+const NUM_BARS: usize = MAX_FOLLOWED;
 /// Rows of the table of places.
 const TABLE_ROWS: usize = 5;
 /// How long a viewer may take to take over what was logged last.
@@ -76,8 +78,9 @@ impl Default for RecorderConfig {
 }
 
 impl RecorderConfig {
-    /// Pictures with their features, predicted maps and the similarity matrix are drawn for at most every
-    /// `n`-th query; 0: never.
+    /// What is drawn, which is most of the cost, is drawn for at most every `n`-th query; 0: never. That is
+    /// the picture with its features, predicted maps, similarity, histories. Bars and graph are drawn
+    /// with it and wherever the decision changes; decision, posterior and latency are for every query.
     #[must_use]
     pub fn with_image_every(mut self, n: u64) -> Self {
         self.image_every = n;
@@ -100,6 +103,8 @@ pub struct Recorder {
     num_queries: u64,
     /// The query whose picture was drawn last.
     drawn: Option<u64>,
+    /// The decision that the graph shows.
+    decided: Option<Decision>,
     has_pictures: bool,
     is_arranged: bool,
     map: MapSheet,
@@ -118,9 +123,18 @@ impl Recorder {
     pub fn new(destination: Destination, cfg: RecorderConfig) -> Result<Self> {
         let builder = RecordingStreamBuilder::new(APPLICATION);
         let stream = match &destination {
-            Destination::File(path) => builder
-                .save(path)
-                .with_context(|| format!("cannot write {}", path.display()))?,
+            Destination::File(path) => {
+                // A footer lists every chunk of the file and is kept in memory until the end: it would
+                // grow with the session. Viewers read files without one from the beginning.
+                let options = FileSinkOptions {
+                    write_footer: false,
+                };
+                let file = FileSink::with_options(path, options)
+                    .with_context(|| format!("cannot write {}", path.display()))?;
+                let stream = builder.buffered()?;
+                stream.set_sink(Box::new(file));
+                stream
+            }
             Destination::Viewer(url) => {
                 let no_viewer = || {
                     format!(
@@ -144,6 +158,7 @@ impl Recorder {
             cfg,
             num_queries: 0,
             drawn: None,
+            decided: None,
             has_pictures: false,
             is_arranged: false,
             map: MapSheet::default(),
@@ -163,28 +178,29 @@ impl Recorder {
         let query = self.num_queries;
         self.num_queries += 1;
         let time = capture_time(trace);
+        self.set_time(query, time);
         if let Some(map) = &trace.map {
-            self.stream.reset_time();
-            self.set_time(query, time);
-            self.map_changed(trace, map, time)?;
+            self.map_changed(trace, map)?;
         }
         if !self.is_arranged {
-            self.arrange(trace, time)?;
+            self.arrange(trace)?;
         }
-        self.set_time(query, time);
-        self.belief(trace)?;
+        let posterior = posterior(trace);
+        self.belief(trace, &posterior)?;
         self.latency(trace)?;
-        for (index, &p) in trace.curve_probabilities.iter().enumerate() {
-            if index < self.map.curves.len() {
-                (self.stream).log(entities::curve_p(index), &Scalars::single(p))?;
-            }
-        }
         self.remember_similarity(trace);
-        if self.is_due(query, trace) {
+        let is_due = self.is_due(query, trace);
+        if is_due || self.decided != Some(trace.localization.decision) {
+            self.decided = Some(trace.localization.decision);
+            self.graph(trace, &posterior)?;
+            self.bars(trace, &posterior)?;
+        }
+        if is_due {
             self.drawn = Some(query);
             self.picture(trace)?;
             self.predicted(trace)?;
             self.log_similarity()?;
+            self.now(trace, time)?;
         }
         Ok(())
     }
@@ -218,43 +234,20 @@ impl Recorder {
         }
     }
 
-    fn arrange(&mut self, trace: &Trace<'_>, time: Option<Time>) -> Result<()> {
+    fn arrange(&mut self, trace: &Trace<'_>) -> Result<()> {
         self.is_arranged = true;
-        let curves: Vec<String> = (self.map.curves.iter())
-            .map(|curve| {
-                let rhythm = (curve.period_s).map_or_else(|| "no rhythm".into(), period);
-                format!(
-                    "Is feature {} of {} visible? dots: seen or not, line: p(t), {rhythm}",
-                    curve.feature,
-                    place(trace, curve.node.0 as usize)
-                )
-            })
-            .collect();
-        let spectrum = match self.map.curves.first() {
-            Some(curve) => format!(
-                "Rhythms of feature {} of {}, cycles per {}; grey: when visits came",
-                curve.feature,
-                place(trace, curve.node.0 as usize),
-                curve.spectrum.per
-            ),
-            None => "Rhythms".into(),
-        };
         let contents = Contents {
-            timeline: match time {
-                Some(_) => entities::CAPTURE_TIME,
-                None => entities::QUERY,
-            },
             image_size: (trace.image_size.0 as f32, trace.image_size.1 as f32),
             num_predicted: trace.predicted.len().clamp(1, NUM_PREDICTED),
-            curves,
-            spectrum,
+            has_place_colours: trace.places.len() <= MAX_FOLLOWED,
+            num_curves: self.map.curves.len(),
             graph: extent(&self.positions),
             page: self.cfg.page,
         };
         layout::send(&self.stream, &contents)
     }
 
-    fn map_changed(&mut self, trace: &Trace<'_>, map: &MapSheet, time: Option<Time>) -> Result<()> {
+    fn map_changed(&mut self, trace: &Trace<'_>, map: &MapSheet) -> Result<()> {
         let text = changes(trace, &self.map, map, self.is_arranged);
         (self.stream).log(entities::MAP_CHANGES, &TextDocument::from_markdown(text))?;
         self.positions = graph::positions(map);
@@ -263,7 +256,7 @@ impl Recorder {
         let edges = GraphEdges::new(edges.collect::<Vec<_>>()).with_directed_edges();
         self.stream.log(entities::GRAPH, &edges)?;
         for (index, curve) in map.curves.iter().enumerate() {
-            self.curve(index, curve, time)?;
+            self.curve(trace, index, curve)?;
         }
         if let Some(curve) = map.curves.first() {
             self.spectrum(curve)?;
@@ -271,99 +264,191 @@ impl Recorder {
         Ok(())
     }
 
-    /// The history of a feature and its p(t), along the capture time.
-    fn curve(&mut self, index: usize, curve: &CurveSheet, time: Option<Time>) -> Result<()> {
-        let (p, seen) = (entities::curve_p(index), entities::curve_seen(index));
-        if self.named.insert(p.clone(), String::new()).is_none() {
-            self.stream.log_static(
-                p.as_str(),
-                &SeriesLines::new()
-                    .with_colors([colours::series(index)])
-                    .with_names(["p(t)"])
-                    .with_widths([1.5]),
-            )?;
-            self.stream.log_static(
-                seen.as_str(),
-                &SeriesPoints::new()
-                    .with_colors([colours::rgb(colours::MATCHED)])
-                    .with_markers([MarkerShape::Circle])
-                    .with_marker_sizes([3.0])
-                    .with_names(["seen (1) or not (0)"]),
-            )?;
-        }
-        if time.is_none() {
+    /// The history of a feature and its p(t) over the years that it spans.
+    fn curve(&self, trace: &Trace<'_>, index: usize, curve: &CurveSheet) -> Result<()> {
+        let Some(frame) = frame(curve) else {
             return Ok(());
-        }
-        let known = curve.times_us.iter().zip(&curve.p);
-        self.columns(&p, known.map(|(&us, &p)| (us, p)))?;
-        let observed = curve.visit_times_us.iter().zip(&curve.seen);
-        let observed = observed.filter_map(|(&us, &seen)| Some((us, f64::from(u8::from(seen?)))));
-        self.columns(&seen, observed)
+        };
+        let colour = colours::series(index);
+        self.stream.log(
+            entities::curve_axes(index),
+            &LineStrips2D::new(frame.axes())
+                .with_colors([colours::rgb(colours::FAINT)])
+                .with_radii([Radius::new_ui_points(0.5)]),
+        )?;
+        let title = format!(
+            "feature {} of {}, {}",
+            curve.feature,
+            place(trace, curve.node.0 as usize),
+            (curve.period_s).map_or_else(|| "no rhythm".into(), period)
+        );
+        let (at, texts): (Vec<_>, Vec<String>) = (frame.texts().into_iter())
+            .chain([(drawing::Curve::title_at(), title)])
+            .unzip();
+        self.texts(&entities::curve_texts(index), at, texts)?;
+        let line = (curve.times_us.iter().zip(&curve.p))
+            .map(|(&us, &p)| (frame.x(us), drawing::Curve::y(p)));
+        self.stream.log(
+            entities::curve_p(index),
+            &LineStrips2D::new([line.collect::<Vec<_>>()])
+                .with_colors([colour])
+                .with_radii([Radius::new_ui_points(1.5)]),
+        )?;
+        let observed: Vec<(i64, bool)> = (curve.visit_times_us.iter().zip(&curve.seen))
+            .filter_map(|(&us, &seen)| Some((us, seen?)))
+            .collect();
+        let dots = Points2D::new(
+            (observed.iter())
+                .map(|&(us, seen)| (frame.x(us), drawing::Curve::y(f64::from(u8::from(seen))))),
+        )
+        .with_colors(observed.iter().map(|&(_, seen)| {
+            colours::rgb(if seen {
+                colours::MATCHED
+            } else {
+                colours::MISSING
+            })
+        }))
+        .with_radii([Radius::new_ui_points(4.0)])
+        .with_labels(observed.iter().map(|&(us, seen)| {
+            let seen = if seen { "seen" } else { "not seen" };
+            format!("{seen} {}", Time::from_us(us))
+        }))
+        .with_show_labels(false);
+        self.stream.log(entities::curve_seen(index), &dots)?;
+        Ok(())
     }
 
-    fn columns(&self, entity: &str, values: impl Iterator<Item = (i64, f64)>) -> Result<()> {
-        let (times, values): (Vec<i64>, Vec<f64>) = values
-            .map(|(us, value)| (us.saturating_mul(1000), value))
-            .unzip();
-        if times.is_empty() {
+    /// Texts that hang from points which are not drawn.
+    fn texts(&self, entity: &str, at: Vec<(f32, f32)>, texts: Vec<String>) -> Result<()> {
+        let points = Points2D::new(at)
+            .with_radii([Radius::new_ui_points(0.0)])
+            .with_colors([colours::rgb(colours::TEXT)])
+            .with_labels(texts)
+            .with_show_labels(true);
+        Ok(self.stream.log(entity, &points)?)
+    }
+
+    /// When the query was taken, within the histories.
+    fn now(&self, trace: &Trace<'_>, time: Option<Time>) -> Result<()> {
+        let Some(time) = time else {
             return Ok(());
+        };
+        let known = self.map.curves.iter().zip(&trace.curve_probabilities);
+        for (index, (curve, &p)) in known.enumerate() {
+            let Some(frame) = frame(curve) else {
+                continue;
+            };
+            let x = frame.x(time.as_us());
+            let line = [(x, drawing::Curve::y(1.0)), (x, drawing::Curve::y(0.0))];
+            self.stream.log(
+                entities::curve_now(index),
+                &LineStrips2D::new([line])
+                    .with_colors([colours::rgb(colours::TEXT)])
+                    .with_radii([Radius::new_ui_points(1.0)]),
+            )?;
+            // The text hangs above, where it hides neither the curve nor a date.
+            let note = [frame.note_at(time.as_us()), (x, drawing::Curve::y(p))];
+            self.stream.log(
+                entities::curve_p_now(index),
+                &Points2D::new(note)
+                    .with_colors([colours::rgb(colours::TEXT)])
+                    .with_radii([0.0, 5.0].map(Radius::new_ui_points))
+                    .with_labels([format!("now: p = {p:.2}"), String::new()])
+                    .with_show_labels(true),
+            )?;
         }
-        let times = TimeColumn::new_timestamp_nanos_since_epoch(entities::CAPTURE_TIME, times);
-        let values = Scalars::new(values).columns_of_unit_batches()?;
-        self.stream.send_columns(entity, [times], values)?;
         Ok(())
     }
 
     fn spectrum(&self, curve: &CurveSheet) -> Result<()> {
         let sheet = &curve.spectrum;
-        let bars = |values: &[f64], colour: Color| {
+        // Side by side: each takes nearly half of the step between two frequencies.
+        let step = match sheet.frequencies.as_slice() {
+            [first, second, ..] => second - first,
+            _ => 1.0,
+        };
+        let bars = |values: &[f64], colour: Color, side: f64| {
+            let at = (sheet.frequencies.iter()).map(|frequency| frequency + 0.22 * side * step);
             BarChart::new(values.to_vec())
-                .with_abscissa(sheet.frequencies.clone())
+                .with_abscissa(at.collect::<Vec<f64>>())
+                .with_widths(vec![0.4 * step as f32; values.len()])
                 .with_color(colour)
         };
         self.stream.log(
             entities::SPECTRUM_WINDOW,
-            &bars(&sheet.window, colours::rgb(colours::QUIET)),
+            &bars(&sheet.window, colours::rgb(colours::QUIET), 1.0),
         )?;
         self.stream.log(
             entities::SPECTRUM_AMPLITUDE,
-            &bars(&sheet.amplitudes, colours::series(0)),
+            &bars(&sheet.amplitudes, colours::series(0), -1.0),
         )?;
         Ok(())
     }
 
-    fn belief(&mut self, trace: &Trace<'_>) -> Result<()> {
+    fn belief(&mut self, trace: &Trace<'_>, posterior: &[f64]) -> Result<()> {
         let answer = &trace.localization;
-        let num_places = trace.places.len();
-        let mut posterior = vec![0.0; num_places];
-        for candidate in &answer.ranking {
-            if let Some(share) = posterior.get_mut(candidate.node.0 as usize) {
-                *share = candidate.posterior;
-            }
-        }
         let decision = TextDocument::from_markdown(decision(trace));
         self.stream.log(entities::DECISION, &decision)?;
-        let percent: Vec<f64> = (posterior.iter().chain([&answer.elsewhere]))
+        if trace.places.len() <= MAX_FOLLOWED {
+            let names = trace.places.iter().map(|key| key.as_str());
+            let names: Vec<&str> = names.chain(["elsewhere"]).collect();
+            let shares = posterior.iter().chain([&answer.elsewhere]);
+            let percent: Vec<f64> = shares.map(|share| 100.0 * share).collect();
+            return self.lines(entities::OVER_TIME, &names, &percent);
+        }
+        let best = answer.first().map_or(0.0, |best| 100.0 * best.posterior);
+        let values = [best, 100.0 * answer.elsewhere];
+        self.lines(
+            entities::OVER_TIME,
+            &["the best place", "elsewhere"],
+            &values,
+        )
+    }
+
+    /// The posterior as bars: with names of the best places, by number of all.
+    fn bars(&self, trace: &Trace<'_>, posterior: &[f64]) -> Result<()> {
+        let elsewhere = trace.localization.elsewhere;
+        let percent: Vec<f64> = (posterior.iter().chain([&elsewhere]))
             .map(|share| 100.0 * share)
             .collect();
         self.stream.log(
             entities::POSTERIOR,
-            &BarChart::new(percent.clone()).with_color(colours::series(0)),
+            &BarChart::new(percent).with_color(colours::series(0)),
         )?;
-        if num_places <= MAX_FOLLOWED {
-            let names = trace.places.iter().map(|key| key.as_str());
-            let names: Vec<&str> = names.chain(["elsewhere"]).collect();
-            self.lines(entities::OVER_TIME, &names, &percent)?;
-        } else {
-            let best = answer.first().map_or(0.0, |best| 100.0 * best.posterior);
-            let values = [best, percent[num_places]];
-            self.lines(
-                entities::OVER_TIME,
-                &["the best place", "elsewhere"],
-                &values,
-            )?;
+        // A small map keeps its order, so that a bar stays where it was.
+        let is_small = posterior.len() <= MAX_FOLLOWED;
+        let mut shown: Vec<usize> = (0..posterior.len()).collect();
+        if !is_small {
+            shown.sort_by(|&a, &b| posterior[b].total_cmp(&posterior[a]).then(a.cmp(&b)));
+            shown.truncate(NUM_BARS);
         }
-        self.graph(trace, &posterior)
+        let mut rows: Vec<(&str, f64, Color)> = (shown.iter())
+            .map(|&node| {
+                let colour = if is_small {
+                    colours::series(node)
+                } else {
+                    colours::probability(posterior[node])
+                };
+                (place(trace, node), posterior[node], colour)
+            })
+            .collect();
+        rows.push((
+            "elsewhere",
+            elsewhere,
+            colours::series(if is_small { posterior.len() } else { 1 }),
+        ));
+        let shares: Vec<f64> = rows.iter().map(|row| row.1).collect();
+        let drawn = drawing::bars(&shares);
+        self.stream.log(
+            entities::BARS,
+            &LineStrips2D::new(drawn.iter().map(|bar| bar.line))
+                .with_colors(rows.iter().map(|row| row.2))
+                .with_radii(drawn.iter().map(|bar| Radius::new_scene_units(bar.radius))),
+        )?;
+        let at = (drawn.iter()).flat_map(|bar| [bar.name_at, bar.value_at]);
+        let texts = (rows.iter())
+            .flat_map(|(name, share, _)| [shortened(name), format!("{:.1} %", 100.0 * share)]);
+        self.texts(entities::BAR_NAMES, at.collect(), texts.collect())
     }
 
     /// One more point of several lines of one plot.
@@ -542,6 +627,34 @@ impl Recorder {
     }
 }
 
+/// The share of each place, by node; places that were not ranked have none.
+fn posterior(trace: &Trace<'_>) -> Vec<f64> {
+    let mut posterior = vec![0.0; trace.places.len()];
+    for candidate in &trace.localization.ranking {
+        if let Some(share) = posterior.get_mut(candidate.node.0 as usize) {
+            *share = candidate.posterior;
+        }
+    }
+    posterior
+}
+
+/// Where the history of a feature and its p(t) are drawn.
+fn frame(curve: &CurveSheet) -> Option<drawing::Curve> {
+    drawing::Curve::around(curve.times_us.iter().chain(&curve.visit_times_us).copied())
+}
+
+/// The end of a name that would not fit beside a bar: names of places differ in their ends.
+fn shortened(name: &str) -> String {
+    const MAX: usize = 14;
+    let num = name.chars().count();
+    if num <= MAX {
+        return name.to_owned();
+    }
+    std::iter::once('\u{2026}')
+        .chain(name.chars().skip(num + 1 - MAX))
+        .collect()
+}
+
 /// One feature of the live picture, or one that is missing there.
 struct Drawn {
     at: (f32, f32),
@@ -660,6 +773,13 @@ fn period(period_s: f64) -> String {
     format!("rhythm of {:.3} {name}", period_s / unit_s)
 }
 
+fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    (letters.next().into_iter().flat_map(char::to_uppercase))
+        .chain(letters)
+        .collect()
+}
+
 /// The answer and its reason.
 fn decision(trace: &Trace<'_>) -> String {
     use std::fmt::Write as _;
@@ -679,9 +799,9 @@ fn decision(trace: &Trace<'_>) -> String {
         (Some(truth), _) => format!("It is {truth}. "),
     };
     let time = trace.time.as_deref().unwrap_or("at an unknown time");
+    let reason = capitalised(&answer.reason.to_string());
     let mut text = format!(
-        "# {title}\n\n{verdict}{}.\n\n{time}\n\n| place | posterior | found | score |\n|---|---|---|---|\n",
-        answer.reason
+        "# {title}\n\n{verdict}{reason}.\n\n{time}\n\n| place | posterior | found | score |\n|---|---|---|---|\n"
     );
     for (rank, candidate) in answer.ranking.iter().take(TABLE_ROWS).enumerate() {
         let predicted = trace.predicted.get(rank).map_or(0, Vec::len);
@@ -910,6 +1030,9 @@ mod tests {
         for entity in always.map(str::to_owned).into_iter().chain(predicted) {
             assert_eq!(rows.get(&entity), Some(&NUM_QUERIES), "{entity}: {rows:?}");
         }
+        for entity in [entities::BARS, entities::BAR_NAMES] {
+            assert_eq!(rows[entity], NUM_QUERIES, "{entity}");
+        }
         for entity in [entities::OVER_TIME, entities::LATENCY] {
             // One more: how the series is drawn.
             assert_eq!(rows.get(entity), Some(&(NUM_QUERIES + 1)), "{entity}");
@@ -920,8 +1043,15 @@ mod tests {
         for entity in [entities::SPECTRUM_AMPLITUDE, entities::SPECTRUM_WINDOW] {
             assert_eq!(rows[entity], 1);
         }
-        assert!(rows[&entities::curve_p(0)] > 100);
-        assert_eq!(rows[&entities::curve_seen(0)], 8 + 1);
+        for entity in [
+            entities::curve_axes(0),
+            entities::curve_texts(0),
+            entities::curve_p(0),
+            entities::curve_seen(0),
+        ] {
+            assert_eq!(rows[&entity], 1, "{entity}");
+        }
+        assert_eq!(rows[&entities::curve_now(0)], NUM_QUERIES);
         // The two pages.
         assert!(
             rows.keys().any(|path| path.starts_with("viewport")),

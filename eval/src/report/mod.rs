@@ -11,6 +11,7 @@ mod html;
 mod judgement;
 mod pictures;
 mod plot;
+mod raster;
 mod sections;
 mod series;
 
@@ -18,6 +19,7 @@ use std::path::Path;
 
 use chronotope::Result;
 use chronotope::feature::GrayImage;
+use chronotope::localize::trace::SpectrumSheet;
 
 use crate::results::{SuiteResults, write_atomically};
 use html::{Esc, put};
@@ -91,6 +93,34 @@ pub struct ProbabilityCurve {
     pub curve: Vec<(f64, f64)>,
     /// When the query was taken.
     pub query_time: Option<f64>,
+    /// The rhythms of the observations; without frequencies it is not drawn.
+    pub spectrum: SpectrumSheet,
+}
+
+/// What was seen of one place, feature by feature and visit by visit, over what is predicted.
+#[derive(Clone, Debug)]
+pub struct Raster {
+    /// The place.
+    pub place: String,
+    /// How many features it has; the rows are some of them.
+    pub num_features: usize,
+    /// Unit of the visits' times.
+    pub axis: TimeAxis,
+    /// The visits, ascending.
+    pub times: Vec<f64>,
+    /// From top to bottom.
+    pub rows: Vec<RasterRow>,
+}
+
+/// One feature of a [`Raster`], with as many entries as there are visits.
+#[derive(Clone, Debug)]
+pub struct RasterRow {
+    /// Its number.
+    pub feature: usize,
+    /// Whether it was seen; `None` where it could not be observed.
+    pub seen: Vec<Option<bool>>,
+    /// p(t).
+    pub p: Vec<f64>,
 }
 
 /// An image of the mistakes' gallery.
@@ -122,6 +152,8 @@ pub struct Pictures {
     pub features: Vec<FeaturePicture>,
     /// p(t) of a few features.
     pub curves: Vec<ProbabilityCurve>,
+    /// Features and visits of one place.
+    pub raster: Option<Raster>,
     /// Worst first.
     pub mistakes: Vec<Mistake>,
 }
@@ -156,7 +188,8 @@ pub fn render(input: &ReportInput<'_>) -> Result<String> {
         (
             "visibility",
             "Visibility",
-            pictures::curves(&input.pictures.curves),
+            pictures::curves(&input.pictures.curves)
+                + &raster::section(input.pictures.raster.as_ref()),
         ),
         (
             "reobservation",

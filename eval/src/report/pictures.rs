@@ -7,6 +7,7 @@ use jiff::{Span, Timestamp};
 
 use super::html::{Esc, data_uri, put};
 use super::plot::path;
+use super::raster::spectrum;
 use super::{FeatureClass, FeaturePicture, GalleryImage, Mistake, ProbabilityCurve, TimeAxis};
 
 /// Widest live image that is embedded.
@@ -161,7 +162,8 @@ pub(super) fn curves(curves: &[ProbabilityCurve]) -> String {
         "<h2>When is a feature visible?</h2><p class=\"hint\">Marks are visits of the place: filled at \
          the top where the feature was seen, hollow at the bottom where it was not, grey in the \
          middle where it could not be observed. The line is the learnt probability p(t), the dashed \
-         line the time of a query.</p><div class=\"grid\">",
+         line the time of a query. Below are the rhythms of these marks; where the grey is high, visits came \
+         in step with that rhythm and cannot tell it from none.</p><div class=\"grid\">",
     );
     for curve in curves {
         one_curve(&mut html, curve);
@@ -303,8 +305,10 @@ fn one_curve(html: &mut String, curve: &ProbabilityCurve) {
     };
     put!(
         html,
-        "</svg><figcaption>Seen in {num_seen} of {num_observed} visits{zone}.</figcaption></figure>\n"
+        "</svg><figcaption>Seen in {num_seen} of {num_observed} visits{zone}.</figcaption>"
     );
+    spectrum(html, &curve.title, &curve.spectrum);
+    html.push_str("</figure>\n");
 }
 
 /// The value of a curve at a time, linear between its points; `None` outside.
@@ -319,7 +323,7 @@ fn at(curve: &[(f64, f64)], time: f64) -> Option<f64> {
 }
 
 /// At most six positions with texts between two times.
-fn time_ticks(axis: TimeAxis, first: f64, last: f64) -> Vec<(f64, String)> {
+pub(super) fn time_ticks(axis: TimeAxis, first: f64, last: f64) -> Vec<(f64, String)> {
     match axis {
         TimeAxis::VisitIndex => {
             let step = ((last - first) / 5.0).ceil().max(1.0);

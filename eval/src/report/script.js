@@ -28,19 +28,26 @@
     });
   });
 
-  // Tables: a heading sorts its column.
-  all(document, "table.sortable").forEach(function (table) {
+  // Tables: a heading sorts its column. A matrix has its order.
+  all(document, "table:not(.confusion)").forEach(function (table) {
     all(table, "thead th").forEach(function (head, column) {
+      if (!head.querySelector("button")) {
+        var press = document.createElement("button");
+        press.type = "button";
+        while (head.firstChild) { press.appendChild(head.firstChild); }
+        head.appendChild(press);
+      }
       var button = head.querySelector("button");
-      if (!button) { return; }
       button.addEventListener("click", function () {
         var up = head.getAttribute("aria-sort") !== "ascending";
         all(table, "thead th").forEach(function (other) { other.removeAttribute("aria-sort"); });
         head.setAttribute("aria-sort", up ? "ascending" : "descending");
         function value(row) {
           var cell = row.cells[column];
-          var number = parseFloat(cell.dataset.v);
-          return isNaN(number) ? cell.textContent : number;
+          if (!cell) { return ""; }
+          var text = cell.textContent.trim();
+          var number = parseFloat(cell.dataset.v || text.replace("\u2212", "-"));
+          return isNaN(number) ? text : number;
         }
         var body = table.tBodies[0];
         all(body, "tr").map(function (row, at) { return { row: row, at: at, value: value(row) }; })

@@ -8,9 +8,10 @@
 use std::f64::consts::TAU;
 
 use chronotope::feature::GrayImage;
+use chronotope::localize::trace::SpectrumSheet;
 use chronotope_eval::report::{
     FeatureClass, FeaturePicture, GalleryImage, Mistake, Observation, PicturedFeature, Pictures,
-    ProbabilityCurve, TimeAxis,
+    ProbabilityCurve, Raster, RasterRow, TimeAxis,
 };
 
 use crate::sample::{PLACES, chance};
@@ -78,6 +79,49 @@ fn rhythm(title: &str, visits: u32, span_s: f64, period_s: f64, peak: f64) -> Pr
             .map(|t| (t, p(t)))
             .collect(),
         query_time: Some(START_S + 0.71 * span_s),
+        spectrum: SpectrumSheet {
+            per: "year".into(),
+            frequencies: (1..=24).map(|i| f64::from(i) / 2.0).collect(),
+            amplitudes: (1..=24)
+                .map(|i| {
+                    if i == 2 {
+                        0.8
+                    } else {
+                        0.1 * chance(&[title, &i.to_string()])
+                    }
+                })
+                .collect(),
+            window: (1..=24).map(|i| if i == 24 { 1.0 } else { 0.2 }).collect(),
+        },
+    }
+}
+
+/// Features that come and go with the year.
+fn raster() -> Raster {
+    let times: Vec<f64> = (0..36)
+        .map(|i| START_S + YEAR_S * f64::from(i) / 12.0)
+        .collect();
+    let rows = (0..24)
+        .map(|feature: usize| {
+            let p: Vec<f64> = (times.iter())
+                .map(|t| {
+                    0.5 + 0.45 * (TAU * ((t - START_S) / YEAR_S - feature as f64 / 24.0)).cos()
+                })
+                .collect();
+            let seen = (p.iter().enumerate())
+                .map(|(i, p)| {
+                    (i >= feature / 4).then(|| chance(&[&feature.to_string(), &i.to_string()]) < *p)
+                })
+                .collect();
+            RasterRow { feature, seen, p }
+        })
+        .collect();
+    Raster {
+        place: "gate".into(),
+        num_features: 312,
+        axis: TimeAxis::UnixSeconds,
+        times,
+        rows,
     }
 }
 
@@ -107,6 +151,7 @@ pub(crate) fn sample_pictures() -> Pictures {
         .map(|i| (1.0 + f64::from(i) / 10.0, 0.92))
         .collect();
     indexed.query_time = None;
+    indexed.spectrum = SpectrumSheet::default();
     Pictures {
         features: vec![FeaturePicture {
             image: scene(1, 0.8),
@@ -125,6 +170,7 @@ pub(crate) fn sample_pictures() -> Pictures {
             rhythm("Shadow of the bridge", 20, 3.0 * YEAR_S, YEAR_S, 0.2),
             indexed,
         ],
+        raster: Some(raster()),
         mistakes: vec![mistake(3, 4, 1), mistake(5, 0, 3), without_image],
     }
 }

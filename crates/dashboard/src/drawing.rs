@@ -1,0 +1,211 @@
+//! Where does a plot of our own lie on its canvas?
+//!
+//! The viewer's plots have the timeline as their axis. What must be seen at any moment of any timeline is
+//! drawn as lines and points of a plane instead (x to the right, y down, in units of the canvas): the
+//! history of a feature over years while queries come in seconds, and bars with the names of places.
+
+use chronotope::Time;
+
+/// Width and height of the canvas of a history: about the shape of its panel.
+pub(crate) const CURVE_SIZE: (f32, f32) = (1000.0, 290.0);
+/// Width and height of the canvas of named bars.
+pub(crate) const BARS_SIZE: (f32, f32) = (1000.0, 380.0);
+/// Texts hang below their points: those beside a line have points above it by half a text, which is more
+/// units of the narrower canvas.
+const CURVE_TEXT_RISE: f32 = 13.0;
+const BARS_TEXT_RISE: f32 = 24.0;
+
+/// Left and right end of a history.
+const CURVE_X: (f32, f32) = (70.0, 935.0);
+/// p = 1 and p = 0.
+const CURVE_Y: (f32, f32) = (62.0, 232.0);
+const NUM_DATES: i64 = 4;
+
+/// Left and right end of bars: 0 and 100 percent.
+const BARS_X: (f32, f32) = (350.0, 960.0);
+
+/// The frame of one history.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Curve {
+    first_us: i64,
+    last_us: i64,
+}
+
+impl Curve {
+    /// From the first to the last of `times_us`; `None` if there are none.
+    pub(crate) fn around(times_us: impl Iterator<Item = i64> + Clone) -> Option<Self> {
+        Some(Self {
+            first_us: times_us.clone().min()?,
+            last_us: times_us.max()?,
+        })
+    }
+
+    /// Where a time lies; what is outside is drawn at the nearer end.
+    pub(crate) fn x(&self, time_us: i64) -> f32 {
+        let span = (i128::from(self.last_us) - i128::from(self.first_us)) as f64;
+        let since = (i128::from(time_us) - i128::from(self.first_us)) as f64;
+        let share = if span > 0.0 { since / span } else { 0.5 };
+        let (left, right) = CURVE_X;
+        left + share.clamp(0.0, 1.0) as f32 * (right - left)
+    }
+
+    /// Where a probability lies; no number counts as 0.
+    pub(crate) fn y(p: f64) -> f32 {
+        let (top, bottom) = CURVE_Y;
+        bottom - p.max(0.0).min(1.0) as f32 * (bottom - top)
+    }
+
+    /// Lines of 0, one half and 1, and one up from each date.
+    pub(crate) fn axes(&self) -> Vec<[(f32, f32); 2]> {
+        let (left, right) = CURVE_X;
+        let levels = [0.0, 0.5, 1.0].map(|p| [(left, Self::y(p)), (right, Self::y(p))]);
+        let dates = (self.dates().into_iter()).map(|(us, _)| {
+            let x = self.x(us);
+            [(x, Self::y(0.0)), (x, Self::y(1.0))]
+        });
+        levels.into_iter().chain(dates).collect()
+    }
+
+    /// Texts at the axes, and the points that they hang from.
+    pub(crate) fn texts(&self) -> Vec<((f32, f32), String)> {
+        let levels = [(0.0, "0"), (0.5, "0.5"), (1.0, "1")];
+        let levels = levels.map(|(p, text)| {
+            (
+                (CURVE_X.0 - 36.0, Self::y(p) - CURVE_TEXT_RISE),
+                text.to_owned(),
+            )
+        });
+        let dates =
+            (self.dates().into_iter()).map(|(us, text)| ((self.x(us), Self::y(0.0) + 6.0), text));
+        levels.into_iter().chain(dates).collect()
+    }
+
+    /// Where the name of the feature hangs from.
+    pub(crate) fn title_at() -> (f32, f32) {
+        (CURVE_X.0.midpoint(CURVE_X.1), 0.0)
+    }
+
+    /// Where the text of a time hangs from, above its line.
+    pub(crate) fn note_at(&self, time_us: i64) -> (f32, f32) {
+        (self.x(time_us), CURVE_Y.0 - 34.0)
+    }
+
+    /// Times at equal steps with texts as exact as the span needs.
+    fn dates(&self) -> Vec<(i64, String)> {
+        const DAY_US: i128 = 86_400_000_000;
+        let span = i128::from(self.last_us) - i128::from(self.first_us);
+        if span == 0 {
+            return vec![(self.first_us, minute(self.first_us))];
+        }
+        (0..=NUM_DATES)
+            .map(|i| {
+                let us = i128::from(self.first_us) + span * i128::from(i) / i128::from(NUM_DATES);
+                let us = us as i64;
+                let text = minute(us);
+                let text = match span / DAY_US {
+                    0..=9 => text,
+                    10..=2_000 => text.chars().take(10).collect(),
+                    _ => text.chars().take(7).collect(),
+                };
+                (us, text)
+            })
+            .collect()
+    }
+}
+
+/// `2026-03-01 14:05`, UTC.
+fn minute(us: i64) -> String {
+    (Time::from_us(us).to_string().chars().take(16))
+        .map(|c| if c == 'T' { ' ' } else { c })
+        .collect()
+}
+
+/// Smaller shares have no bar.
+const MIN_SHOWN: f64 = 0.005;
+
+/// One bar with its name.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Bar {
+    /// From 0 percent to its end.
+    pub(crate) line: [(f32, f32); 2],
+    /// Half its thickness.
+    pub(crate) radius: f32,
+    /// The point that its name hangs from.
+    pub(crate) name_at: (f32, f32),
+    /// The point that its value hangs from.
+    pub(crate) value_at: (f32, f32),
+}
+
+/// One bar for each share, from the top; shares are cut to [0, 1].
+pub(crate) fn bars(shares: &[f64]) -> Vec<Bar> {
+    let pitch = (BARS_SIZE.1 / shares.len().max(1) as f32).min(80.0);
+    let (left, right) = BARS_X;
+    (shares.iter().enumerate())
+        .map(|(row, share)| {
+            let y = (row as f32 + 0.5) * pitch;
+            // The ends of a bar are round: what is next to nothing would be drawn as a dot. A line without
+            // length is not drawn.
+            let shown = if *share >= MIN_SHOWN {
+                share.min(1.0)
+            } else {
+                0.0
+            };
+            let end = left + shown as f32 * (right - left);
+            Bar {
+                line: [(left, y), (end, y)],
+                radius: 0.3 * pitch,
+                name_at: (120.0, y - BARS_TEXT_RISE),
+                value_at: (270.0, y - BARS_TEXT_RISE),
+            }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DAY: i64 = 86_400_000_000;
+
+    #[test]
+    fn a_history_fills_its_frame() {
+        let curve = Curve::around([5 * DAY, 0, 10 * DAY].into_iter()).expect("times");
+        assert_eq!(curve.x(0), CURVE_X.0);
+        assert_eq!(curve.x(10 * DAY), CURVE_X.1);
+        assert_eq!(curve.x(-3 * DAY), CURVE_X.0);
+        assert_eq!(curve.x(i64::MAX), CURVE_X.1);
+        assert!(Curve::y(1.0) < Curve::y(0.0), "y points down");
+        assert_eq!(Curve::y(f64::NAN), Curve::y(0.0));
+        assert!(Curve::around(std::iter::empty()).is_none());
+    }
+
+    #[test]
+    fn dates_are_as_exact_as_the_span_needs() {
+        let texts = |span: i64| -> Vec<String> {
+            let curve = Curve::around([0, span].into_iter()).expect("times");
+            curve.dates().into_iter().map(|(_, text)| text).collect()
+        };
+        assert_eq!(texts(0), ["1970-01-01 00:00"]);
+        assert_eq!(texts(2 * DAY)[1], "1970-01-01 12:00");
+        assert_eq!(texts(40 * DAY)[4], "1970-02-10");
+        assert_eq!(texts(4_000 * DAY)[4], "1980-12");
+        let widest = Curve::around([i64::MIN, i64::MAX].into_iter()).expect("times");
+        assert_eq!(widest.dates().len(), 5);
+    }
+
+    #[test]
+    fn bars_stay_on_the_canvas_and_apart() {
+        let bars = bars(&[0.001, 0.5, 1.0, 7.0, f64::NAN]);
+        let length = |bar: &Bar| bar.line[1].0 - bar.line[0].0;
+        assert_eq!(length(&bars[0]), 0.0);
+        assert_eq!(length(&bars[4]), 0.0);
+        assert_eq!(length(&bars[2]), length(&bars[3]));
+        for pair in bars.windows(2) {
+            assert!(pair[0].line[0].1 + pair[0].radius < pair[1].line[0].1 - pair[1].radius);
+        }
+        assert!(
+            bars.iter()
+                .all(|bar| bar.line[1].0 <= BARS_SIZE.0 && bar.line[1].1 <= BARS_SIZE.1)
+        );
+    }
+}

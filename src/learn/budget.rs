@@ -1,7 +1,8 @@
 //! What may be forgotten, so that a map does not grow for ever?
 //!
 //! A place that exceeds its [`BudgetConfig`] gives up the least useful of its features, down to three quarters of
-//! what it may have, so that this happens once in many visits and a visit costs O(features) on average.
+//! what it may have, so that this happens once in many visits and a visit costs O(features) on average. No
+//! model is fitted for it: that of the place is at hand (`expectation`).
 //!
 //! *Features* go by expected usefulness over the coming year, never by age: the evidence that a feature is
 //! expected to give to a query at this place, in nats,
@@ -15,7 +16,8 @@
 //! which is what `localize` adds up: p(t) is how likely it is seen here, q how likely something like it is seen
 //! elsewhere. t runs over [`NUM_TIMES`] moments of the year after the last visit. n is how often it could have been
 //! seen *after* its birth (a birth is no evidence) and `p_place` the rate of all features of the place, so that one that
-//! was born yesterday is neither despised nor taken at its only word.
+//! was born yesterday is neither despised nor taken at its only word. Of a feature younger than the model, p_model is
+//! its plain rate.
 //!
 //! *Visits* go by lot, not by age: of those before the newest quarter, the ones with the smallest identities stay.
 //! An identity is a hash, so what stays is a uniform sample of the past, whatever its rhythms, and the same
@@ -28,13 +30,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{LearnConfig, Scratch};
+use super::Scratch;
+use super::expectation::PlaceModel;
 use crate::error::{Error, ErrorKind, Result};
 use crate::feature::FeaturesView;
 use crate::map::{Node, Snapshot};
 use crate::matching::Matcher;
 use crate::time::Period;
-use crate::visibility::{self, Observation, Visits};
+use crate::visibility::BitRow;
 
 /// Moments of the coming year at which p(t) is asked for: a prime, so that they fall on all hours and weekdays.
 const NUM_TIMES: i64 = 97;
@@ -192,19 +195,28 @@ impl Room {
     }
 }
 
+/// A place that has forgotten.
+pub(super) struct Shrunk {
+    pub(super) node: Node,
+    /// Which feature each of its features was.
+    pub(super) was: Vec<u32>,
+    /// Which of the visits stayed.
+    pub(super) kept: Vec<bool>,
+}
+
 /// The place at `index` with the most useful of its features and a fair sample of its visits.
 pub(super) fn shrink(
-    cfg: &LearnConfig,
+    model: &PlaceModel,
     matcher: &Matcher,
     scratch: &mut Scratch,
     snapshot: &Snapshot,
     index: usize,
     room: Room,
-) -> Result<Node> {
+) -> Result<Shrunk> {
     let node = &*snapshot.nodes[index];
     let features = if room.num_features < node.features.len() {
         let others = others(snapshot, index);
-        let usefulness = usefulness(cfg, matcher, scratch, node, &others)?;
+        let usefulness = usefulness(model, matcher, scratch, node, &others);
         let mut ids: Vec<usize> = (0..usefulness.len()).collect();
         ids.sort_by(|&a, &b| usefulness[b].total_cmp(&usefulness[a]).then(a.cmp(&b)));
         let mut kept = vec![false; ids.len()];
@@ -213,7 +225,9 @@ pub(super) fn shrink(
     } else {
         vec![true; node.features.len()]
     };
-    node.retained(&sample(node, room.num_visits), &features)
+    let kept = sample(node, room.num_visits);
+    let (node, was) = node.retained(&kept, &features)?;
+    Ok(Shrunk { node, was, kept })
 }
 
 /// Which visits stay: the newest quarter of `num_visits`, and of the others those with the smallest identities.
@@ -240,14 +254,14 @@ fn others(snapshot: &Snapshot, own: usize) -> Vec<FeaturesView<'_>> {
         .collect()
 }
 
-/// U of every feature of a place. One fit and O(features * (times + features of the others)).
+/// U of every feature of a place. O(features * (times + features of the others) + what was seen).
 fn usefulness(
-    cfg: &LearnConfig,
+    model: &PlaceModel,
     matcher: &Matcher,
     scratch: &mut Scratch,
     node: &Node,
     others: &[FeaturesView<'_>],
-) -> Result<Vec<f64>> {
+) -> Vec<f64> {
     let len = node.features.len();
     let mut num_found = vec![0_u32; len];
     for &other in others {
@@ -263,36 +277,59 @@ fn usefulness(
             (f64::from(found) + FALSE_PRIOR * FALSE_RATE) / tried
         })
         .collect();
-    let mut trials = vec![0_u32; len];
-    let (mut num_trials, mut num_seen) = (0_u64, 0_u64);
-    for visit in 0..node.visits.len() {
-        for (id, trials) in trials.iter_mut().enumerate() {
-            match node.log.observation(visit, id) {
-                Some(Observation::Seen | Observation::NotSeen) if node.log.birth(id) == visit => {}
-                Some(Observation::NotObservable) | None => {}
-                Some(seen) => {
-                    *trials += 1;
-                    num_trials += 1;
-                    num_seen += u64::from(seen == Observation::Seen);
-                }
-            }
-        }
-    }
-    let p_place = (num_seen as f64 + 0.5) / (num_trials as f64 + 1.0);
-    let model = visibility::fit(&node.log, cfg.experience().visibility(), Visits::All)?;
+    let tried = Trials::of(node);
+    let p_place = tried.rate();
+    let shrunk = |id: usize, p: f64| {
+        let n = f64::from(tried.num_trials[id]);
+        (n * p + RATE_PRIOR * p_place) / (n + RATE_PRIOR)
+    };
+    // Of a feature that the model does not know yet, the plain rate is all there is.
+    let mut p: Vec<f64> = (0..len)
+        .map(|id| f64::from(tried.num_seen[id]) / f64::from(tried.num_trials[id].max(1)))
+        .collect();
     let last = (node.log.times().iter().max().copied()).unwrap_or_default();
-    let mut p_model = vec![0.0; len];
     let mut usefulness = vec![0.0; len];
     for number in 0..NUM_TIMES {
         let step_us = Period::YEAR.as_us() / NUM_TIMES;
-        model.predict_into(last.plus_us((number + 1) * step_us), &mut p_model);
+        let time = last.plus_us((number + 1) * step_us);
+        model.predict_into(time, &mut scratch.p, &mut p);
         for (id, sum) in usefulness.iter_mut().enumerate() {
-            let n = f64::from(trials[id]);
-            let p = (n * p_model[id] + RATE_PRIOR * p_place) / (n + RATE_PRIOR);
-            *sum += evidence(p, q[id]) / NUM_TIMES as f64;
+            *sum += evidence(shrunk(id, p[id]), q[id]) / NUM_TIMES as f64;
         }
     }
-    Ok(usefulness)
+    usefulness
+}
+
+/// How often each feature could have been seen again after its birth, and was.
+struct Trials {
+    num_trials: Vec<u32>,
+    num_seen: Vec<u32>,
+}
+
+impl Trials {
+    /// O(visits * features / 64 + what was seen or hidden).
+    fn of(node: &Node) -> Self {
+        let (log, num_visits) = (&node.log, node.visits.len());
+        let after_birth = |id: usize| (num_visits - 1 - log.birth(id)) as u32;
+        let mut num_trials: Vec<u32> = (0..node.features.len()).map(after_birth).collect();
+        let mut num_seen = vec![0; num_trials.len()];
+        for visit in 0..num_visits {
+            let known = |id: &usize| log.birth(*id) < visit;
+            (log.seen_row(visit).ones().filter(known)).for_each(|id| num_seen[id] += 1);
+            let hidden = log.hidden_row(visit).into_iter().flat_map(BitRow::ones);
+            hidden.filter(known).for_each(|id| num_trials[id] -= 1);
+        }
+        Self {
+            num_trials,
+            num_seen,
+        }
+    }
+
+    /// How often a feature of the place is seen.
+    fn rate(&self) -> f64 {
+        let sum = |counts: &[u32]| counts.iter().map(|&count| f64::from(count)).sum::<f64>();
+        (sum(&self.num_seen) + 0.5) / (sum(&self.num_trials) + 1.0)
+    }
 }
 
 /// The expected log odds of "here" against "elsewhere", nats (a Kullback-Leibler divergence): never negative.

@@ -51,5 +51,5 @@ fn without(node: &Node, kept: &[bool]) -> Result<Node> {
     for visit in visits {
         (node.log.seen_row(visit).ones()).for_each(|id| is_seen[id] = true);
     }
-    node.retained(kept, &is_seen)
+    Ok(node.retained(kept, &is_seen)?.0)
 }

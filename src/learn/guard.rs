@@ -7,8 +7,9 @@
 //! 2. Is anything to be seen? An image with fewer than [`GuardConfig::min_features`] features is *blind*.
 //! 3. Does it agree with the prediction? Of the n features most likely at its time, those that could be
 //!    seen are asked for: *agreement* = seen / asked. It is compared with the agreements of the place's
-//!    own past visits, found in the same way: runs of visits are taken out of the log, and each
-//!    visit of a run is predicted by a model of the others, from the features known before the run.
+//!    own past visits: each was asked for before it was learnt. Of visits that were learnt unasked, runs are
+//!    taken out of the log, and each visit of a run is predicted by a model of the others, from the
+//!    features known before the run.
 //!
 //! ```text
 //! threshold = tolerance * low * m / (m + 4)
@@ -19,14 +20,16 @@
 //! *low*, and whose features agree with another place of the map better than with its own, is doubted as well.
 //!
 //! No distribution is assumed: an honest visit is as likely to be the lowest as any other, so with m of them
-//! it falls below the lowest once in m + 1 times, and below half of it far less often. A place
-//! whose visits were often not recognised (agreement 0) has a threshold of 0 and guards nothing; neither
-//! does one of fewer than [`GuardConfig::min_visits`] visits.
+//! it falls below the lowest once in m + 1 times, and below half of it far less often.
 //!
-//! Cost: O(features) a visit. Models and past agreements are refreshed when a place has an eighth more visits
-//! than the last time, which is up to nine fits; spread over these visits that is a constant number of
-//! passes over the log. They are refreshed as well when a budget made the place forget: a budget of few more
-//! features than a visit brings makes that happen at almost every visit.
+//! A place that was not recognised at all at a tenth of its honest visits (agreement 0) has a *low* and a threshold of 0:
+//! an image that shows nothing of it is usual there. It still refuses what looks like another place: for this *low* is
+//! taken of those visits that were recognised. A place of fewer than [`GuardConfig::min_visits`] visits refuses nothing.
+//!
+//! Cost: O(features) a visit, and a look at one number for each past visit. The model of a place is refreshed now and
+//! then (`expectation`). Past agreements are found by up to eight fits when a place is first asked for and when it has
+//! twice as many visits; between these each visit adds its own, and what a budget forgets takes its own along. So
+//! both are a constant number of passes over the features a visit on average, with and without a budget.
 //!
 //! Not for deciding where an image was taken: that is `localize`. A doubtful visit is not lost
 //! ([`Held`](crate::map::Held)): somebody who knows better may accept it.
@@ -36,6 +39,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::LearnConfig;
+use super::expectation::{PlaceModel, identity};
 use crate::error::{Error, ErrorKind, Result};
 use crate::map::{ClockFault, Doubt, Node, PlaceKey, SessionId, Snapshot};
 use crate::time::Time;
@@ -54,6 +58,8 @@ const NUM_RUNS: usize = 8;
 const MIN_ASKED: usize = 10;
 /// Which of the past agreements is the low one.
 const LOW_SHARE: f64 = 0.1;
+/// A place with so many times the visits finds out its past agreements anew.
+const OUTGROWN: usize = 2;
 /// So many past agreements are as good as none.
 const DOUBTED_VISITS: f64 = 4.0;
 
@@ -183,38 +189,62 @@ pub struct Circumstances {
     pub gray_range: Option<(u8, u8)>,
 }
 
-/// What is expected of the visits of one place.
+/// How the visits of one place agreed with what was predicted of them.
 #[derive(Debug)]
-struct Expectation {
-    /// Visits of the place when this was found out.
-    num_visits: usize,
-    model: Box<dyn VisibilityModel>,
-    /// The agreements of past visits, ascending.
-    past: Vec<f64>,
+struct Past {
+    /// One for each visit of the place; `None` where too little could be asked.
+    agreements: Vec<Option<f64>>,
+    /// Visits of the place when the first of them were found out.
+    num_judged: usize,
 }
 
 /// A visit that agrees less than usual.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Disagreement {
     agreement: f64,
-    low: f64,
+    usual: Usual,
     threshold: f64,
-    expected: f64,
     num_asked: usize,
+}
+
+/// Past agreements in three numbers.
+#[derive(Clone, Copy, Debug)]
+struct Usual {
+    /// A low one.
+    low: f64,
+    /// A low one of the visits that were recognised at all.
+    low_recognised: f64,
+    median: f64,
+}
+
+impl Usual {
+    /// Of agreements, ascending; zeros where there are none.
+    fn of(sorted: &[f64]) -> Self {
+        let at = |sorted: &[f64], share: f64| {
+            let at = (share * sorted.len() as f64) as usize;
+            sorted.get(at).copied().unwrap_or_default()
+        };
+        let recognised = &sorted[sorted.partition_point(|&agreement| agreement <= 0.0)..];
+        Self {
+            low: at(sorted, LOW_SHARE),
+            low_recognised: at(recognised, LOW_SHARE),
+            median: at(sorted, 0.5),
+        }
+    }
 }
 
 impl Disagreement {
     /// Whether that is reason enough to doubt it, if it looks like another place or like none.
     pub(super) fn judged(self, looks_like: Option<PlaceKey>) -> Option<Doubt> {
         let threshold = if looks_like.is_some() {
-            self.low
+            self.usual.low_recognised
         } else {
             self.threshold
         };
         (self.agreement < threshold).then_some(Doubt::Disagreement {
             agreement: self.agreement,
             threshold,
-            expected: self.expected,
+            expected: self.usual.median,
             num_predicted: self.num_asked,
             looks_like,
         })
@@ -225,7 +255,7 @@ impl Disagreement {
 #[derive(Debug, Default)]
 pub(super) struct Guard {
     /// By position of the place.
-    expectations: Vec<Option<Expectation>>,
+    pasts: Vec<Option<Past>>,
     /// The latest time of each session of this run.
     latest: BTreeMap<SessionId, Time>,
     scores: Vec<f64>,
@@ -280,74 +310,83 @@ impl Guard {
         None
     }
 
-    /// How the visit agrees with what was predicted of the place at `index`, if that is less than usual:
-    /// `seen` and `hidden` say what was found of the features known so far.
-    pub(super) fn doubt_view(
+    /// How a visit agrees with what was predicted of its place, and by how many features that was found; `None` if too
+    /// few of them could be seen. `seen` and `hidden` say what was found of the features known so far.
+    pub(super) fn agreement(
+        &mut self,
+        cfg: &LearnConfig,
+        model: &PlaceModel,
+        time: Time,
+        seen: &BitRow,
+        hidden: Option<&BitRow>,
+    ) -> Option<(f64, usize)> {
+        let asked = Asked {
+            model: model.model(),
+            pairs: model.pairs(),
+            num_predicted: cfg.guard().num_predicted(),
+        };
+        asked.agreement(time, (seen, hidden), &mut self.scores)
+    }
+
+    /// What to make of it, if it is less than usual.
+    pub(super) fn disagreement(
         &mut self,
         cfg: &LearnConfig,
         index: usize,
         node: &Node,
-        time: Time,
-        seen: &BitRow,
-        hidden: Option<&BitRow>,
+        (agreement, num_asked): (f64, usize),
     ) -> Result<Option<Disagreement>> {
-        if node.visits.len() < cfg.guard().min_visits() {
-            return Ok(None);
+        if self.pasts.len() <= index {
+            self.pasts.resize_with(index + 1, || None);
         }
-        if self.expectations.len() <= index {
-            self.expectations.resize_with(index + 1, || None);
-        }
-        let known = self.expectations[index].take().filter(|it| {
-            let num_new = node.visits.len().checked_sub(it.num_visits);
-            num_new.is_some_and(|num_new| num_new <= it.num_visits / NUM_RUNS)
-                && it.model.num_features() <= node.features.len()
+        let place = &mut self.pasts[index];
+        // Of a place that has grown much, early agreements say little: few visits predict badly.
+        let num_visits = node.visits.len();
+        let known = place.take().filter(|past| {
+            past.agreements.len() == num_visits && num_visits < OUTGROWN * past.num_judged
         });
-        let expectation = match known {
+        let past = place.insert(match known {
             Some(known) => known,
-            None => Expectation::of(cfg, node, &mut self.scores)?,
-        };
-        let asked = ask(
-            &*expectation.model,
-            time,
-            cfg.guard().num_predicted(),
-            expectation.model.num_features(),
-            (seen, hidden),
-            &mut self.scores,
-        );
-        let low = expectation.low();
-        let num_past = expectation.past.len() as f64;
+            None => Past::of(cfg, node, &mut self.scores)?,
+        });
+        let mut sorted: Vec<f64> = past.agreements.iter().flatten().copied().collect();
+        sorted.sort_by(f64::total_cmp);
+        let usual = Usual::of(&sorted);
+        let num_past = sorted.len() as f64;
         let caution = num_past / (num_past + DOUBTED_VISITS);
-        let doubt =
-            asked
-                .filter(|&(agreement, _)| agreement < low)
-                .map(|(agreement, num_asked)| Disagreement {
-                    agreement,
-                    low,
-                    threshold: cfg.guard().tolerance() * low * caution,
-                    expected: expectation.median(),
-                    num_asked,
-                });
-        self.expectations[index] = Some(expectation);
-        Ok(doubt)
+        Ok((agreement < usual.low_recognised).then_some(Disagreement {
+            agreement,
+            usual,
+            threshold: cfg.guard().tolerance() * usual.low * caution,
+            num_asked,
+        }))
     }
 
-    /// Forgets what is expected of a place whose features were numbered anew.
-    pub(super) fn forget(&mut self, index: usize) {
-        if let Some(expectation) = self.expectations.get_mut(index) {
-            *expectation = None;
+    /// The place at `index` has learnt a visit that agreed like this.
+    pub(super) fn count_visit(&mut self, index: usize, agreement: Option<f64>) {
+        if let Some(Some(past)) = self.pasts.get_mut(index) {
+            past.agreements.push(agreement);
+        }
+    }
+
+    /// The place at `index` has forgotten all visits but those `kept`.
+    pub(super) fn retain(&mut self, index: usize, kept: &[bool]) {
+        if let Some(Some(past)) = self.pasts.get_mut(index) {
+            let mut kept = kept.iter();
+            past.agreements.retain(|_| kept.next() == Some(&true));
         }
     }
 }
 
-impl Expectation {
-    /// Takes runs of visits out of the log and asks for them. Nine fits, at most.
+impl Past {
+    /// Takes runs of visits out of the log and asks for them. Eight fits, at most.
     fn of(cfg: &LearnConfig, node: &Node, scores: &mut Vec<f64>) -> Result<Self> {
         let log = &node.log;
         let (num_visits, model_cfg) = (log.num_visits(), cfg.experience().visibility());
         let num_runs = NUM_RUNS.min(num_visits - 1);
-        let mut past = Vec::with_capacity(num_visits);
+        // The first visit has nothing before it.
+        let mut agreements = vec![None];
         for run in 0..num_runs {
-            // The first visit has nothing before it.
             let end = |share: usize| 1 + share * (num_visits - 1) / num_runs;
             let (start, end) = (end(run), end(run + 1));
             let mut others = BitRow::zeros(num_visits);
@@ -356,63 +395,61 @@ impl Expectation {
                 .for_each(|visit| others.set(visit));
             let model = visibility::fit(log, model_cfg, Visits::Only(&others))?;
             let num_known = log.seen_row(start - 1).len();
+            let asked = Asked {
+                model: &*model,
+                pairs: &identity(num_known.min(model.num_features())),
+                num_predicted: cfg.guard().num_predicted(),
+            };
             for visit in start..end {
                 let bits = (log.seen_row(visit), log.hidden_row(visit));
-                let time = log.times()[visit];
-                let asked = ask(
-                    &*model,
-                    time,
-                    cfg.guard().num_predicted(),
-                    num_known,
-                    bits,
-                    scores,
-                );
-                past.extend(asked.map(|(agreement, _)| agreement));
+                let agreement = asked.agreement(log.times()[visit], bits, scores);
+                agreements.push(agreement.map(|(agreement, _)| agreement));
             }
         }
-        past.sort_by(f64::total_cmp);
         Ok(Self {
-            num_visits,
-            model: visibility::fit(log, model_cfg, Visits::All)?,
-            past,
+            agreements,
+            num_judged: num_visits,
         })
-    }
-
-    /// A low past agreement; 0 where none is known.
-    fn low(&self) -> f64 {
-        let at = (LOW_SHARE * self.past.len() as f64) as usize;
-        self.past.get(at).copied().unwrap_or_default()
-    }
-
-    fn median(&self) -> f64 {
-        (self.past.get(self.past.len() / 2).copied()).unwrap_or_default()
     }
 }
 
-/// Which share of the features that are most likely at `time` was seen, and of how many that could be
-/// seen; `None` if these are too few. Only the first `num_known` features are asked for.
-fn ask(
-    model: &dyn VisibilityModel,
-    time: Time,
+/// Who is asked what should be seen.
+#[derive(Clone, Copy)]
+struct Asked<'a> {
+    model: &'a dyn VisibilityModel,
+    /// (feature of the place, feature of the model).
+    pairs: &'a [(u32, u32)],
     num_predicted: usize,
-    num_known: usize,
-    (seen, hidden): (&BitRow, Option<&BitRow>),
-    scores: &mut Vec<f64>,
-) -> Option<(f64, usize)> {
-    scores.clear();
-    scores.resize(model.num_features(), 0.0);
-    model.score_into(time, scores);
-    let is_hidden = |id: usize| hidden.is_some_and(|hidden| hidden.get(id));
-    let mut asked: Vec<usize> = (0..num_known.min(scores.len()))
-        .filter(|&id| !is_hidden(id))
-        .collect();
-    let likelier = |a: &usize, b: &usize| scores[*b].total_cmp(&scores[*a]).then(a.cmp(b));
-    if asked.len() > num_predicted {
-        asked.select_nth_unstable_by(num_predicted, likelier);
-        asked.truncate(num_predicted);
+}
+
+impl Asked<'_> {
+    /// Which share of the features that are most likely at `time` was seen, and of how many that could be
+    /// seen; `None` if these are too few.
+    fn agreement(
+        self,
+        time: Time,
+        (seen, hidden): (&BitRow, Option<&BitRow>),
+        scores: &mut Vec<f64>,
+    ) -> Option<(f64, usize)> {
+        scores.clear();
+        scores.resize(self.model.num_features(), 0.0);
+        self.model.score_into(time, scores);
+        let is_hidden = |id: u32| hidden.is_some_and(|hidden| hidden.get(id as usize));
+        let mut asked: Vec<(u32, u32)> = (self.pairs.iter().copied())
+            .filter(|&(id, _)| !is_hidden(id))
+            .collect();
+        let likelier = |a: &(u32, u32), b: &(u32, u32)| {
+            let (score_a, score_b) = (scores[a.1 as usize], scores[b.1 as usize]);
+            score_b.total_cmp(&score_a).then(a.0.cmp(&b.0))
+        };
+        if asked.len() > self.num_predicted {
+            asked.select_nth_unstable_by(self.num_predicted, likelier);
+            asked.truncate(self.num_predicted);
+        }
+        let num_seen = asked.iter().filter(|&&(id, _)| seen.get(id as usize));
+        let share = num_seen.count() as f64 / asked.len() as f64;
+        (asked.len() >= MIN_ASKED).then_some((share, asked.len()))
     }
-    let num_seen = asked.iter().filter(|&&id| seen.get(id)).count();
-    (asked.len() >= MIN_ASKED).then(|| (num_seen as f64 / asked.len() as f64, asked.len()))
 }
 
 #[cfg(test)]

@@ -29,7 +29,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::{KeepAppearances, LearnConfig, Learner, Observation};
+use super::{Judge, KeepAppearances, LearnConfig, Learner, Observation};
 use crate::error::{Error, ErrorKind, Result};
 use crate::feature::{Descriptor, Features, Keypoint};
 use crate::map::{
@@ -103,15 +103,17 @@ pub fn merge(maps: &[&Snapshot]) -> Result<Snapshot> {
 
 /// Learns all visits of a map again, in order of time and identity, from their own features.
 ///
-/// The result is a function of the set of visits and the configuration. Masks are not kept with a
-/// visit: what one hid counts as not seen here. [`ErrorKind::Config`] if a visit's features were not kept.
+/// The result is a function of the set of visits and the configuration; what is held stays held. Masks are not kept
+/// with a visit that was learnt: what one hid counts as not seen here. [`ErrorKind::Config`] if a visit's features were not kept.
 pub fn relearn(cfg: LearnConfig, map: &Snapshot) -> Result<Snapshot> {
     let mut visits: Vec<(&Node, &Visit)> = (map.nodes.iter())
         .flat_map(|node| node.visits.iter().map(move |visit| (&**node, visit)))
         .collect();
     visits.sort_by_key(|(_, visit)| (visit.time, visit.id));
     let image_size = map.meta.image_size.unwrap_or_default();
-    let cfg = cfg.with_keep_appearances(KeepAppearances::All);
+    // A map's visits are believed already.
+    let guard = cfg.guard().clone().with_judge(Judge::Never);
+    let cfg = (cfg.with_guard(guard)).with_keep_appearances(KeepAppearances::All);
     let mut learner = Learner::new(cfg, map.meta.clone());
     for (node, visit) in &visits {
         let Some(features) = &visit.appearance else {
@@ -151,6 +153,7 @@ pub fn relearn(cfg: LearnConfig, map: &Snapshot) -> Result<Snapshot> {
         }
         snapshot.push_node(again)?;
     }
+    Held::of(map)?.attach(&mut snapshot)?;
     Ok(snapshot)
 }
 

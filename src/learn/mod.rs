@@ -25,6 +25,7 @@
 
 mod budget;
 mod config;
+mod expectation;
 mod forget;
 mod guard;
 mod merge;
@@ -40,13 +41,14 @@ pub use guard::{Circumstances, ClockPolicy, GuardConfig, Judge};
 pub use merge::{merge, relearn};
 
 use self::budget::Room;
+use self::expectation::Expectations;
 use self::guard::Guard;
 use crate::error::{Error, ErrorKind, Result};
 use crate::feature::{Features, FeaturesView, GrayImage};
 use crate::localize::Score;
 use crate::map::{
-    AppearanceUse, Doubt, Held, HeldVisit, MapMeta, Node, PlaceKey, Reobservation, SessionId,
-    Snapshot, Visit, VisitId, features_digest,
+    AppearanceUse, Doubt, Held, HeldVisit, MapMeta, MaskRuns, Node, PlaceKey, Reobservation,
+    SessionId, Snapshot, Visit, VisitId, features_digest,
 };
 use crate::matching::{
     Displacement, Match, MatchScratch, Matcher, VoteScratch, displacements_into, vote_displacement,
@@ -102,6 +104,7 @@ pub struct Learner {
     held: Held,
     /// `None` where visits are not judged.
     guard: Option<Guard>,
+    expectations: Expectations,
     /// Bytes of each place, where they are bounded.
     num_bytes: Vec<usize>,
     scratch: Scratch,
@@ -128,6 +131,7 @@ struct Scratch {
     matches: Vec<Match>,
     displacements: Vec<Displacement>,
     vote: VoteScratch,
+    p: Vec<f64>,
 }
 
 impl Learner {
@@ -164,6 +168,7 @@ impl Learner {
             reobservation,
             held,
             guard: (cfg.guard().judge() != Judge::Never).then(Guard::default),
+            expectations: Expectations::default(),
             stale: vec![false; snapshot.nodes.len()],
             reobserve: Matcher::new(cfg.reobserve().clone()),
             experience: Matcher::new(cfg.experience().matching().clone()),
@@ -201,8 +206,9 @@ impl Learner {
         let visit = self.check(observation)?;
         let mut features = observation.features.clone();
         features.truncate(self.cfg.features_per_visit());
-        let Some(doubt) = self.doubt(observation, &features, circumstances)? else {
-            return self.take_in(visit, observation, features);
+        let (doubt, agreement) = self.judge(observation, &features, circumstances)?;
+        let Some(doubt) = doubt else {
+            return self.take_in(visit, observation, features, agreement);
         };
         let num_dropped = self.held.push(HeldVisit {
             place: observation.place.clone(),
@@ -211,6 +217,7 @@ impl Learner {
             time: visit.time,
             source: visit.source,
             image_size: observation.image_size,
+            mask: observation.mask.map(|mask| Arc::new(MaskRuns::of(mask))),
             doubt: doubt.clone(),
             features: Arc::new(features),
         });
@@ -226,10 +233,17 @@ impl Learner {
         })
     }
 
-    /// Learns a visit that is held, without judging it again. What a mask hid counts as not seen.
+    /// Learns a visit that is held, without judging it again.
     ///
-    /// Fails with [`ErrorKind::Config`] if no such visit is held.
+    /// Fails, and changes nothing, with [`ErrorKind::Config`] if no such visit is held or the map has learnt it
+    /// meanwhile, with [`ErrorKind::Shape`] if the map's images have another size by now, and with
+    /// [`ErrorKind::Format`] if its mask does not fit its image.
     pub fn accept(&mut self, id: VisitId) -> Result<Learnt> {
+        let waiting = self.held.visits().iter().find(|it| it.id == id);
+        let mask = match waiting {
+            Some(waiting) => self.check_held(waiting)?,
+            None => None,
+        };
         let held = self.take_held(id)?;
         let visit = Visit {
             id,
@@ -245,10 +259,32 @@ impl Learner {
             time: held.time,
             features: &held.features,
             image_size: held.image_size,
-            mask: None,
+            mask: mask.as_ref(),
             source: held.source,
         };
-        self.take_in(visit, &observation, Features::clone(&held.features))
+        let features = Features::clone(&held.features);
+        // Somebody knows that this was an honest visit: the next one like it is less unusual.
+        let agreement = match held.doubt {
+            Doubt::Disagreement { agreement, .. } => Some(agreement),
+            Doubt::Blind { .. } | Doubt::Clock { .. } => None,
+        };
+        self.take_in(visit, &observation, features, agreement)
+    }
+
+    /// Whether a visit that is held can be learnt into the map as it is by now; gives its mask.
+    fn check_held(&self, held: &HeldVisit) -> Result<Option<GrayImage>> {
+        check_size(&self.snapshot.meta, held.image_size)
+            .map_err(|error| error.with_path(&held.source))?;
+        let mut learnt = self.snapshot.nodes.iter().flat_map(|node| &node.visits);
+        if learnt.any(|visit| visit.id == held.id) {
+            return Err(Error::new(
+                ErrorKind::Config,
+                format!("the map has learnt the visit {} before", held.id),
+            )
+            .with_help("drop it with `chronotope map drop`"));
+        }
+        let mask = held.mask.as_ref();
+        mask.map(|runs| runs.to_mask(held.image_size)).transpose()
     }
 
     /// Drops a visit that is held.
@@ -265,15 +301,16 @@ impl Learner {
         })
     }
 
-    /// Why a visit should not be learnt, if something speaks against it.
-    fn doubt(
+    /// Why a visit should not be learnt, if something speaks against it, and how it agrees with its place, if that
+    /// was asked.
+    fn judge(
         &mut self,
         observation: &Observation<'_>,
         features: &Features,
         circumstances: &Circumstances,
-    ) -> Result<Option<Doubt>> {
+    ) -> Result<(Option<Doubt>, Option<f64>)> {
         let Some(guard) = &mut self.guard else {
-            return Ok(None);
+            return Ok((None, None));
         };
         let policy = self.cfg.guard().clock();
         if policy != ClockPolicy::Ignore
@@ -291,34 +328,47 @@ impl Learner {
                         .with_help("set the clock, or give the time it was really taken at"),
                 );
             }
-            return Ok(Some(doubt));
+            return Ok((Some(doubt), None));
         }
         if observation.features.len() < self.cfg.guard().min_features() {
-            return Ok(Some(Doubt::Blind {
+            let doubt = Doubt::Blind {
                 num_features: observation.features.len(),
                 gray_range: circumstances.gray_range,
-            }));
+            };
+            return Ok((Some(doubt), None));
         }
-        let Some(index) = self.snapshot.find(&observation.place) else {
-            return Ok(None);
-        };
-        let index = index.0 as usize;
+        match self.snapshot.find(&observation.place) {
+            Some(id) if self.snapshot.node(id).visits.len() >= self.cfg.guard().min_visits() => {
+                self.judge_view(id.0 as usize, observation, features)
+            }
+            _ => Ok((None, None)),
+        }
+    }
+
+    /// Whether the visit looks as was predicted of the place at `index`, and how well.
+    fn judge_view(
+        &mut self,
+        index: usize,
+        observation: &Observation<'_>,
+        features: &Features,
+    ) -> Result<(Option<Doubt>, Option<f64>)> {
         let found = self.find(index, observation, features);
+        let node = &*self.snapshot.nodes[index];
         let Some(guard) = &mut self.guard else {
-            return Ok(None);
+            return Ok((None, None));
         };
-        let disagreement = guard.doubt_view(
-            &self.cfg,
-            index,
-            &self.snapshot.nodes[index],
-            observation.time,
-            &found.seen,
-            found.hidden.as_ref(),
-        )?;
-        Ok(disagreement.and_then(|disagreement| {
+        let model = self.expectations.of(&self.cfg, index, node)?;
+        let hidden = found.hidden.as_ref();
+        let asked = guard.agreement(&self.cfg, model, observation.time, &found.seen, hidden);
+        let Some(asked) = asked else {
+            return Ok((None, None));
+        };
+        let disagreement = guard.disagreement(&self.cfg, index, node, asked)?;
+        let doubt = disagreement.and_then(|disagreement| {
             let looks_like = self.look_elsewhere(index, observation, features, &found);
             disagreement.judged(looks_like)
-        }))
+        });
+        Ok((doubt, Some(asked.0)))
     }
 
     /// The other place that most of the image's features agree with, if it is more than do so with the
@@ -354,12 +404,13 @@ impl Learner {
         )
     }
 
-    /// Learns a visit, whatever it looks like.
+    /// Learns a visit, whatever it looks like; `agreement` says how well it looked as predicted, if that was asked.
     fn take_in(
         &mut self,
         visit: Visit,
         observation: &Observation<'_>,
         features: Features,
+        agreement: Option<f64>,
     ) -> Result<Learnt> {
         let index = self.node_index(&observation.place);
         let (located_by, is_experience) = self.recall(index, features.view());
@@ -395,6 +446,10 @@ impl Learner {
         };
         let node = Arc::make_mut(&mut self.snapshot.nodes[index]);
         node.push_visit(visit, &found.born, found.seen, found.hidden, located_by)?;
+        self.expectations.count_visit(index);
+        if let Some(guard) = &mut self.guard {
+            guard.count_visit(index, agreement);
+        }
         if let Some(displacement) = found.displacement {
             (self.reobservation).count_displacement(displacement.dx_px, displacement.dy_px);
             for distance_bits in found.distances {
@@ -429,8 +484,10 @@ impl Learner {
     }
 
     fn shrink(&mut self, index: usize, room: Room) -> Result<usize> {
+        let node = &self.snapshot.nodes[index];
+        let model = self.expectations.of(&self.cfg, index, node)?;
         let shrunk = budget::shrink(
-            &self.cfg,
+            model,
             &self.reobserve,
             &mut self.scratch,
             &self.snapshot,
@@ -438,11 +495,12 @@ impl Learner {
             room,
         )?;
         let size = |node: &Node| node.features.len() + node.visits.len();
-        let num_forgotten = size(&self.snapshot.nodes[index]).saturating_sub(size(&shrunk));
-        self.snapshot.nodes[index] = Arc::new(shrunk);
+        let num_forgotten = size(node).saturating_sub(size(&shrunk.node));
+        self.expectations.renumber(index, &shrunk.was);
         if let Some(guard) = &mut self.guard {
-            guard.forget(index);
+            guard.retain(index, &shrunk.kept);
         }
+        self.snapshot.nodes[index] = Arc::new(shrunk.node);
         Ok(num_forgotten)
     }
 
@@ -461,19 +519,8 @@ impl Learner {
     /// The visit without its appearance, if it fits the map.
     fn check(&self, observation: &Observation<'_>) -> Result<Visit> {
         let (width, height) = observation.image_size;
-        if let Some(map) = self.snapshot.meta.image_size
-            && map != observation.image_size
-        {
-            return Err(Error::new(
-                ErrorKind::Shape,
-                format!(
-                    "the image has {width} x {height} px, but the map is learnt from {} x {} px",
-                    map.0, map.1
-                ),
-            )
-            .with_path(&observation.source)
-            .with_help("crop or scale all images of a map to one size"));
-        }
+        check_size(&self.snapshot.meta, observation.image_size)
+            .map_err(|error| error.with_path(&observation.source))?;
         if let Some(mask) = observation.mask
             && (mask.width(), mask.height()) != (width as usize, height as usize)
         {
@@ -567,6 +614,21 @@ impl Learner {
             row.set(own_scores.len());
         }
         (row, !located)
+    }
+}
+
+/// Whether an image has the size of the map's images.
+fn check_size(meta: &MapMeta, (width, height): (u32, u32)) -> Result<()> {
+    match meta.image_size {
+        Some(map) if map != (width, height) => Err(Error::new(
+            ErrorKind::Shape,
+            format!(
+                "the image has {width} x {height} px, but the map is learnt from {} x {} px",
+                map.0, map.1
+            ),
+        )
+        .with_help("crop or scale all images of a map to one size")),
+        _ => Ok(()),
     }
 }
 

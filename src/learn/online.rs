@@ -26,6 +26,7 @@ pub(super) fn find(
         matches,
         displacements,
         vote,
+        ..
     } = scratch;
     matcher.matches_into(matching, known, live.view(), matches);
     displacements_into(matches, known.keypoints, live.keypoints(), displacements);

@@ -85,11 +85,12 @@ impl Node {
         self.experience_log.num_features() + usize::from(is_experience)
     }
 
-    /// The place with only these visits and features, in the same order of arrival: one bool each.
+    /// The place with only these visits and features, in the same order of arrival: one bool each. Also which
+    /// feature of this place each of its features is.
     ///
     /// A feature whose birth is gone is born at the first visit that is left and could have seen it; if there
     /// is none, it goes too. O(visits * features).
-    pub fn retained(&self, visits: &[bool], features: &[bool]) -> Result<Self> {
+    pub fn retained(&self, visits: &[bool], features: &[bool]) -> Result<(Self, Vec<u32>)> {
         let kept: Vec<usize> = (0..self.visits.len())
             .filter(|&visit| visits.get(visit) == Some(&true))
             .collect();
@@ -148,7 +149,8 @@ impl Node {
                 located_by,
             )?;
         }
-        Ok(node)
+        let was = births.iter().map(|&(_, id)| id as u32).collect();
+        Ok((node, was))
     }
 
     /// The ids of the features born at `visit`.

@@ -6,21 +6,23 @@
 //! rolled back and checked as everything else is.
 //!
 //! Bytes of the attachment: a little-endian `u64`, the length of a JSON array with an object for each
-//! visit, oldest first; then for each visit its keypoints and its descriptors, as in table `appearance`.
+//! visit, oldest first; then for each visit its keypoints and its descriptors, as in table `appearance`. A mask is
+//! kept as the lengths of its runs ([`MaskRuns`]).
 //! At most [`MAX_HELD`] visits and [`MAX_BYTES`]: beyond that the oldest go.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use super::format::{
-    MAX_ATTACHMENT_BYTES, decode_descriptors, decode_keypoints, encode_descriptors,
+    MAX_ATTACHMENT_BYTES, MAX_TEXT_BYTES, decode_descriptors, decode_keypoints, encode_descriptors,
     encode_keypoints, pair,
 };
 use super::types::{PlaceKey, SessionId, Snapshot, VisitId};
 use crate::error::{Error, ErrorKind, Result};
-use crate::feature::Features;
+use crate::feature::{Features, GrayImage};
 use crate::time::Time;
 
 /// The attachment's name.
@@ -29,6 +31,9 @@ const NAME: &str = "held";
 const MAX_HELD: usize = 512;
 /// Bytes of all their features and texts, at most.
 const MAX_BYTES: usize = MAX_ATTACHMENT_BYTES / 2;
+
+/// Pixels of a mask, at most: as of an image that is decoded.
+const MAX_MASK_PIXELS: u64 = 64_000_000;
 
 /// Why a visit was not learnt.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -143,6 +148,50 @@ impl fmt::Display for Doubt {
     }
 }
 
+/// Which pixels of an image could be observed: the lengths of runs, row by row and across the ends of rows; the first
+/// run (it may be empty) is hidden, and from then on they alternate.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct MaskRuns(Vec<u32>);
+
+impl MaskRuns {
+    /// Of a mask that is zero where nothing could be observed.
+    pub fn of(mask: &GrayImage) -> Self {
+        let mut runs = vec![0_u32];
+        let mut is_hidden = true;
+        for &pixel in mask.data() {
+            if (pixel == 0) != is_hidden {
+                is_hidden = !is_hidden;
+                runs.push(0);
+            }
+            if let Some(run) = runs.last_mut() {
+                *run = run.saturating_add(1);
+            }
+        }
+        Self(runs)
+    }
+
+    /// The mask of an image of this size.
+    ///
+    /// Fails with [`ErrorKind::Format`] if the runs do not cover it.
+    pub fn to_mask(&self, (width, height): (u32, u32)) -> Result<GrayImage> {
+        let num_pixels = u64::from(width) * u64::from(height);
+        let covered: u64 = self.0.iter().map(|&run| u64::from(run)).sum();
+        if covered != num_pixels || num_pixels > MAX_MASK_PIXELS {
+            return Err(Error::new(
+                ErrorKind::Format,
+                format!("runs of {covered} px are no mask of {width} x {height} px"),
+            ));
+        }
+        let mut pixels = Vec::with_capacity(num_pixels as usize);
+        for (at, &run) in self.0.iter().enumerate() {
+            let value = if at.is_multiple_of(2) { 0 } else { 255 };
+            pixels.resize(pixels.len() + run as usize, value);
+        }
+        GrayImage::new(width as usize, height as usize, pixels)
+    }
+}
+
 /// A visit that is not learnt yet, with all that is needed to learn it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeldVisit {
@@ -158,6 +207,8 @@ pub struct HeldVisit {
     pub source: String,
     /// Width and height of the image, px.
     pub image_size: (u32, u32),
+    /// What of it could be observed, if not all.
+    pub mask: Option<Arc<MaskRuns>>,
     /// Why it is held.
     pub doubt: Doubt,
     /// Its features, strongest first.
@@ -175,6 +226,8 @@ struct Entry {
     source: String,
     image_width: u32,
     image_height: u32,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    mask: Option<MaskRuns>,
     num_features: usize,
     doubt: Doubt,
 }
@@ -281,6 +334,7 @@ impl Held {
                 source: it.source.clone(),
                 image_width: it.image_size.0,
                 image_height: it.image_size.1,
+                mask: it.mask.as_deref().cloned(),
                 num_features: it.features.len(),
                 doubt: it.doubt.clone(),
             })
@@ -313,8 +367,16 @@ impl Held {
                 .flatten())
             .ok_or_else(|| format!("`{}` is no identity", text.escape_debug()))
         };
-        let mut visits = Vec::with_capacity(entries.len());
+        let mut visits: Vec<HeldVisit> = Vec::with_capacity(entries.len());
+        let mut ids = BTreeSet::new();
         for entry in entries {
+            if entry.source.len() > MAX_TEXT_BYTES {
+                return Err(format!("a source is longer than {MAX_TEXT_BYTES} bytes"));
+            }
+            let id = VisitId(bits(&entry.visit)?);
+            if !ids.insert(id) {
+                return Err(format!("visit {id} is held twice"));
+            }
             let mut blob = |bytes_each: usize| {
                 let len = entry.num_features.checked_mul(bytes_each);
                 let parts = len.and_then(|len| rest.split_at_checked(len));
@@ -326,11 +388,12 @@ impl Held {
             let descriptors = decode_descriptors(blob(32)?).map_err(|it| it.message)?;
             visits.push(HeldVisit {
                 place: entry.place,
-                id: VisitId(bits(&entry.visit)?),
+                id,
                 session: SessionId(bits(&entry.session)?),
                 time: Time::from_us(entry.time_us),
                 source: entry.source,
                 image_size: (entry.image_width, entry.image_height),
+                mask: entry.mask.map(Arc::new),
                 doubt: entry.doubt,
                 features: Arc::new(pair(keypoints, descriptors).map_err(|it| it.message)?),
             });
@@ -346,7 +409,11 @@ impl Held {
 impl HeldVisit {
     /// About how much room it takes.
     fn num_bytes(&self) -> usize {
-        1_000 + 6 * (self.source.len() + self.place.as_str().len()) + 48 * self.features.len()
+        let num_runs = self.mask.as_ref().map_or(0, |mask| mask.0.len());
+        1_000
+            + 11 * num_runs
+            + 6 * (self.source.len() + self.place.as_str().len())
+            + 48 * self.features.len()
     }
 }
 
@@ -373,6 +440,9 @@ mod tests {
             time: Time::from_s(number as i64),
             source: "a \"quoted\" name".into(),
             image_size: (640, 480),
+            mask: number
+                .is_multiple_of(2)
+                .then(|| Arc::new(MaskRuns(vec![0, 640 * 479, 640]))),
             doubt: Doubt::Disagreement {
                 agreement: 0.1,
                 threshold: 1.0 / 3.0,
@@ -400,6 +470,19 @@ mod tests {
         assert_eq!(held.forget(SessionId(1)), 2);
         assert!(held.take(VisitId(2)).is_some() && held.take(VisitId(2)).is_none());
         assert_eq!(held.visits().len(), 2);
+    }
+
+    #[test]
+    fn a_mask_is_what_its_runs_say() {
+        for pixels in [[0, 0, 7, 0, 255, 255], [1, 1, 1, 1, 1, 1], [0; 6]] {
+            let mask = GrayImage::new(3, 2, pixels.to_vec()).expect("as many pixels");
+            let again = MaskRuns::of(&mask).to_mask((3, 2)).expect("covered");
+            let is_hidden: Vec<bool> = again.data().iter().map(|&pixel| pixel == 0).collect();
+            assert_eq!(is_hidden, pixels.map(|pixel| pixel == 0));
+        }
+        for (runs, size) in [(vec![7], (3, 2)), (vec![u32::MAX, u32::MAX], (u32::MAX, 2))] {
+            assert!(MaskRuns(runs.clone()).to_mask(size).is_err(), "{runs:?}");
+        }
     }
 
     #[test]

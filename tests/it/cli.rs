@@ -1378,6 +1378,95 @@ fn an_update_ends_where_a_build_of_everything_does() {
     }
 }
 
+/// `CHRONOTOPE_TEST_KILLS` makes it longer.
+#[test]
+fn a_killed_update_loses_nothing_it_acknowledged() {
+    let fixture = Fixture::new();
+    fixture.write("numbers.toml", "[learn.guard]\njudge = \"never\"\n");
+    let build = |out: &str| {
+        let args = ["map", "build", "--data", "data", "--out", out];
+        let built = fixture.run(&[&args[..], &["--config", "numbers.toml"]].concat());
+        assert_eq!(built.code, 0, "{built:?}");
+    };
+    let mut index = String::from("place,time,path\n");
+    // In order of time, so that the first rows are learnt first.
+    for (first, day) in (0..NUM_VISITS).flat_map(|first| (0..4).map(move |day| (first, day))) {
+        for (place, time, name, _) in &images()[first as usize * NUM_PLACES..][..NUM_PLACES] {
+            let time = time.plus_us(day * Period::DAY.as_us());
+            writeln!(index, "place-{place:02},{time},{name}").expect("memory");
+        }
+    }
+    fixture.write("data/index.csv", &index);
+    build("whole.map");
+    let first: Vec<&str> = index.lines().take(1 + 2 * NUM_PLACES).collect();
+    fixture.write("data/index.csv", first.join("\n"));
+    build("first.map");
+    fixture.write("data/index.csv", &index);
+    let (path, start) = (fixture.path("grown.map"), fixture.path("first.map"));
+    let whole = Map::open(fixture.path("whole.map"))
+        .expect("a map")
+        .snapshot();
+    let update = ["-v", "map", "update", "grown.map", "--data", "data"];
+    let update = [
+        &update[..],
+        &["--commit-every", "0", "--config", "numbers.toml"],
+    ]
+    .concat();
+    let (mut num_visits, mut num_finished, mut num_seen) = (0, 0, 0);
+    for round in 0..crate::map::num_kills(8) {
+        if !path.exists() {
+            fs::copy(&start, &path).expect("writable");
+            num_visits = 0;
+        }
+        let mut process = fixture
+            .command(&update)
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the command starts");
+        let stderr = process.stderr.take().expect("piped");
+        let mut said = (BufReader::new(stderr).lines().map_while(Result::ok)).filter_map(|line| {
+            let generation = line.split_once("generation=")?.1;
+            generation.split(' ').next()?.parse::<u64>().ok()
+        });
+        // Some are killed before their first commit, others after up to three.
+        let heard = said.by_ref().take(round as usize % 4).last();
+        std::thread::sleep(Duration::from_micros(round * 7_919 % 30_000));
+        process.kill().expect("ours");
+        let acknowledged = said.last().or(heard).unwrap_or_default();
+        let is_finished = process.wait().expect("ours").success();
+        num_seen += u64::from(acknowledged > 0);
+        let found = Map::open(&path).expect("sound").snapshot();
+        assert!(
+            found.generation >= acknowledged,
+            "{acknowledged} was acknowledged"
+        );
+        let report = Map::verify(&path).expect("a map");
+        assert!(report.is_clean(), "{:?}", report.faults);
+        let now = found.summary().num_visits;
+        assert!(
+            now >= num_visits.max(2 * NUM_PLACES),
+            "{now} of {num_visits}"
+        );
+        num_visits = now;
+        if is_finished {
+            assert_eq!(found.nodes, whole.nodes);
+            fs::remove_file(&path).expect("ours");
+            num_finished += 1;
+        }
+    }
+    println!(
+        "{num_finished} updates were finished, {num_seen} had committed when they were killed"
+    );
+    if !path.exists() {
+        fs::copy(&start, &path).expect("writable");
+    }
+    let finished = fixture.run(&update[1..]);
+    assert_eq!(finished.code, 0, "{finished:?}");
+    let grown = Map::open(&path).expect("sound").snapshot();
+    assert_eq!(grown.nodes, whole.nodes);
+}
+
 #[test]
 fn an_update_of_what_is_no_map_or_has_other_images_changes_nothing() {
     let fixture = Fixture::with_map();

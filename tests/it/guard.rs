@@ -221,6 +221,45 @@ fn honest_visits_are_rarely_held_and_can_be_accepted_or_rejected() {
     assert!(after.nodes[0].visits.iter().any(|visit| visit.id == id));
 }
 
+/// Also of what a mask hid.
+#[test]
+fn a_visit_that_is_accepted_is_learnt_as_it_would_have_been() {
+    let wrong = &poison()[0];
+    let (width, height) = (wrong.image.width(), wrong.image.height());
+    let pixels = (0..width * height).map(|i| u8::from(i % width > width / 3));
+    let mask = GrayImage::new(width, height, pixels.collect()).expect("as many pixels");
+    let observe = |judge| {
+        let guard = GuardConfig::default().with_judge(judge);
+        let cfg = LearnConfig::default().with_guard(guard);
+        let mut learner = Learner::resume(cfg, clean().clone()).expect("sound");
+        let observation = Observation {
+            place: world().places()[0].clone(),
+            session: SessionId::derive("masked"),
+            time: wrong.time,
+            features: &wrong.features,
+            image_size: (width as u32, height as u32),
+            mask: Some(&mask),
+            source: "masked.png".into(),
+        };
+        let learnt = learner.observe(&observation).expect("fits");
+        (
+            Snapshot::clone(&learner.snapshot().expect("in step")),
+            learnt,
+        )
+    };
+    let (waiting, learnt) = observe(Judge::Always);
+    assert!(learnt.doubt.is_some());
+    let mut learner = Learner::resume(LearnConfig::default(), waiting).expect("sound");
+    let id = learner.held().visits()[0].id;
+    learner.accept(id).expect("held");
+    let (at_once, learnt) = observe(Judge::Never);
+    assert_eq!(learnt.doubt, None);
+    assert_eq!(learner.snapshot().expect("in step").nodes, at_once.nodes);
+    let log = &at_once.nodes[0].log;
+    let hidden = log.hidden_row(log.num_visits() - 1);
+    assert!(hidden.is_some_and(|hidden| hidden.count_ones() > 0));
+}
+
 #[test]
 fn a_time_that_cannot_be_right_is_held_refused_or_ignored_as_wished() {
     let first = &visits(&schedule().query[..1], 9)[0];

@@ -7,7 +7,7 @@ use chronotope::learn::{
     BudgetConfig, GuardConfig, Judge, KeepAppearances, LearnConfig, Learner, Observation, merge,
 };
 use chronotope::localize::{Decision, Localizer, LocalizerConfig, Preset, Query};
-use chronotope::map::{Map, MapMeta, PlaceKey, SessionId, Snapshot, derived_uuid};
+use chronotope::map::{Doubt, Map, MapMeta, PlaceKey, SessionId, Snapshot, derived_uuid};
 use chronotope::{Period, Time};
 use proptest::prelude::*;
 
@@ -140,6 +140,52 @@ fn a_map_within_a_budget_stays_within_it_and_keeps_what_is_useful() {
         let right = localizer.snapshot().find(&place(number % 2));
         assert_eq!(Some(answer.decision), right.map(Decision::At), "{number}");
     }
+}
+
+#[test]
+fn a_place_that_is_often_not_recognised_still_refuses_what_is_another() {
+    let observe = |learner: &mut Learner, number: u64, live: &Features| {
+        let observation = Observation {
+            place: place(0),
+            session: SessionId::derive("often"),
+            time: time(number),
+            features: live,
+            image_size: (640, 480),
+            mask: None,
+            source: String::new(),
+        };
+        learner.observe(&observation).expect("fits")
+    };
+    let unknown = |number: u64| {
+        let mut live = Features::new();
+        (0..60).for_each(|i| push(&mut live, 9_000_000 + 100 * number + i));
+        live
+    };
+    let mut learner = Learner::new(unguarded(), meta());
+    for number in 0..48 {
+        let live = image(0, number);
+        observe(
+            &mut learner,
+            number,
+            &if number % 4 == 3 {
+                unknown(number)
+            } else {
+                live
+            },
+        );
+        self::observe(&mut learner, 2 * number + 1);
+    }
+    let learnt = Snapshot::clone(&learner.snapshot().expect("in step"));
+    let mut learner = Learner::resume(LearnConfig::default(), learnt).expect("sound");
+    let doubt = observe(&mut learner, 50, &image(1, 50)).doubt;
+    let looks_like = match &doubt {
+        Some(Doubt::Disagreement { looks_like, .. }) => looks_like.clone(),
+        _ => None,
+    };
+    assert_eq!(looks_like, Some(place(1)), "{doubt:?}");
+    // What shows nothing of it, or all of it, is as usual here.
+    assert_eq!(observe(&mut learner, 51, &unknown(51)).doubt, None);
+    assert_eq!(observe(&mut learner, 52, &image(0, 52)).doubt, None);
 }
 
 #[test]

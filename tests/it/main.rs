@@ -6,6 +6,8 @@ mod cli;
 mod cli_spectrum;
 mod dataset;
 mod exchange;
+#[cfg(unix)]
+mod faulty_disk;
 mod feature;
 #[cfg(feature = "opencv")]
 mod feature_opencv;

@@ -164,7 +164,7 @@ fn take(snapshot: &mut Snapshot, number: u64, step: &Step) {
     }
 }
 
-fn meta() -> MapMeta {
+pub(crate) fn meta() -> MapMeta {
     MapMeta {
         image_size: Some((752, 480)),
         crop: Some(Rect {
@@ -178,7 +178,7 @@ fn meta() -> MapMeta {
 }
 
 /// In memory where there is such a folder: every commit waits for the disk.
-fn folder() -> (tempfile::TempDir, PathBuf) {
+pub(crate) fn folder() -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir_in("/dev/shm")
         .or_else(|_| tempfile::tempdir())
         .expect("temporary folder");
@@ -596,8 +596,8 @@ fn what_is_no_map_is_named_and_left_alone() {
     assert!(error.to_string().contains("folder"), "{error}");
 }
 
-/// The map after `generation` commits of [`a_killed_writer_loses_nothing_it_acknowledged`].
-fn after_commits(start: &Snapshot, from: u64, to: u64) -> Snapshot {
+/// The map `start` with the visits of commits `from` to `to`.
+pub(crate) fn after_commits(start: &Snapshot, from: u64, to: u64) -> Snapshot {
     let mut snapshot = start.clone();
     for number in from..to {
         let step = Step::Visit {
@@ -635,12 +635,20 @@ pub(crate) fn start_again(
     (child, output.lines().map_while(Result::ok))
 }
 
+/// How often a test kills a process: `CHRONOTOPE_TEST_KILLS`, or `usual`.
+pub(crate) fn num_kills(usual: u64) -> u64 {
+    let wished = std::env::var("CHRONOTOPE_TEST_KILLS").ok();
+    wished
+        .and_then(|number| number.parse().ok())
+        .unwrap_or(usual)
+}
+
 #[test]
 fn a_killed_writer_loses_nothing_it_acknowledged() {
     use std::io::Write;
 
     const FILE: &str = "CHRONOTOPE_TEST_KILLED_WRITER";
-    const ROUNDS: u64 = 24;
+    let num_rounds = num_kills(24);
     if let Some(path) = std::env::var_os(FILE) {
         // Started again below: commits until it is killed.
         let map = Map::open(path).expect("sound");
@@ -653,7 +661,7 @@ fn a_killed_writer_loses_nothing_it_acknowledged() {
     }
     let (_folder, path) = folder();
     let mut known = Snapshot::clone(&Map::create(&path, meta()).expect("new").snapshot());
-    for round in 0..ROUNDS {
+    for round in 0..num_rounds {
         let (mut writer, mut lines) = start_again(
             "map::a_killed_writer_loses_nothing_it_acknowledged",
             FILE,
@@ -704,7 +712,7 @@ fn a_killed_prune_or_rollback_leaves_the_map_whole() {
     let (_folder, path) = folder();
     let (map, snapshot) = small(&path);
     drop(map);
-    for round in 0..12_u64 {
+    for round in 0..num_kills(12) {
         let (mut writer, mut lines) = start_again(
             "map::a_killed_prune_or_rollback_leaves_the_map_whole",
             FILE,

@@ -6,8 +6,8 @@ use chronotope::feature::{Descriptor, Features, Keypoint};
 use chronotope::learn::{KeepAppearances, LearnConfig, Learner, Observation, merge, relearn};
 use chronotope::localize::Preset;
 use chronotope::map::{
-    AppearanceUse, Edge, MapMeta, Node, PlaceKey, Reobservation, SessionId, Snapshot, Visit,
-    VisitId, derived_uuid,
+    AppearanceUse, Doubt, Edge, Held, HeldVisit, MapMeta, Node, PlaceKey, Reobservation, SessionId,
+    Snapshot, Visit, VisitId, derived_uuid,
 };
 use chronotope::visibility::{BitRow, Observation as Statement};
 use chronotope::{ErrorKind, Time};
@@ -294,7 +294,25 @@ fn learning_a_union_again_is_learning_it_at_once() {
     assert!(merge(&[&early, &parts]).expect("no conflicts") == parts);
     // Two robots' features of one thing are two until they are learnt again.
     assert!(parts.summary().num_features > whole.summary().num_features);
+    let mut parts = parts;
+    let mut held = Held::default();
+    held.push(HeldVisit {
+        place: place(0),
+        id: VisitId(7),
+        session: SessionId::derive("run"),
+        time: Time::from_s(5),
+        source: "covered.png".into(),
+        image_size: (640, 480),
+        mask: None,
+        doubt: Doubt::Blind {
+            num_features: 0,
+            gray_range: None,
+        },
+        features: Arc::default(),
+    });
+    held.attach(&mut parts).expect("fits");
     let again = relearn(cfg.clone(), &parts).expect("all are kept");
+    assert_eq!(Held::of(&again).expect("readable"), held);
     assert!(again.nodes == whole.nodes);
     assert!(relearn(cfg.clone(), &again).expect("all are kept") == again);
     let grouped = merge(&[&relearn(cfg.clone(), &early).expect("kept"), &again]).expect("same");

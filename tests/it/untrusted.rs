@@ -4,12 +4,37 @@
 //! keeping.
 
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 
-use chronotope::dataset::Dataset;
-use chronotope::map::{Map, MapMeta, Snapshot, read_file_storage};
+use chronotope::Time;
+use chronotope::dataset::{Dataset, Manifest};
+use chronotope::feature::{
+    DecodeLimits, ExtractorConfig, LoadOptions, image_file::exif_time, load_gray,
+};
+use chronotope::learn::{LearnConfig, Learner, Observation};
+use chronotope::localize::trace::Trace;
+use chronotope::localize::{Localizer, LocalizerConfig, MotionConfig, Preset, Query};
+use chronotope::map::{Held, Map, MapMeta, SessionId, Snapshot, read_file_storage};
+use serde::de::DeserializeOwned;
 
 /// Takes bytes from anywhere and must come back.
 type Target = fn(&[u8]);
+
+/// Every target by its name.
+const TARGETS: [(&str, Target); 9] = [
+    ("map_file", map_file),
+    ("index_csv", index_csv),
+    ("manifest", manifest),
+    ("image", image),
+    ("config", config),
+    ("trace", trace),
+    ("attachment", attachment),
+    ("exported_folder", exported_folder),
+    ("file_storage", file_storage),
+];
+
+/// What other rooms keep with a map, as the first byte of an input of [`attachment`] numbers them.
+const ATTACHMENTS: [&str; 3] = ["held", "reobservation", "calibration"];
 
 /// The files of an exported map, as the first byte of an input of [`exported_folder`] numbers them.
 const EXPORTED: [&str; 11] = [
@@ -38,6 +63,206 @@ fn repository(path: &str) -> PathBuf {
     let root = [here, here.parent().unwrap_or(here)];
     let root = root.into_iter().find(|root| root.join("maps").exists());
     root.expect("the repository").join(path)
+}
+
+/// The map of `maps/golden`, with all it has.
+fn golden() -> &'static Snapshot {
+    static GOLDEN: OnceLock<Snapshot> = OnceLock::new();
+    GOLDEN.get_or_init(|| {
+        let map = Map::open_read_only(repository("maps/golden/format-2.map")).expect("a map");
+        Snapshot::clone(&map.snapshot())
+    })
+}
+
+/// Asks `snapshot` for what its own places looked like.
+fn ask(snapshot: &Arc<Snapshot>, cfg: &LocalizerConfig) {
+    let Ok(localizer) = Localizer::new(Arc::clone(snapshot), cfg.clone()) else {
+        return;
+    };
+    let mut scratch = localizer.scratch();
+    for (node, time) in snapshot
+        .nodes
+        .iter()
+        .zip([1_700_000_000, -5].map(Time::from_s))
+    {
+        let query = Query {
+            features: &node.features,
+            time: Some(time),
+            image_size: snapshot.meta.image_size,
+        };
+        if let Ok(answer) = localizer.localize(&mut scratch, &query) {
+            for candidate in &answer.ranking {
+                assert!((0.0..=1.0).contains(&candidate.posterior), "{candidate:?}");
+            }
+        }
+    }
+}
+
+/// Learns another visit of every place of `snapshot`.
+fn learn_on(snapshot: &Snapshot, cfg: &LearnConfig) {
+    let Ok(mut learner) = Learner::resume(cfg.clone(), snapshot.clone()) else {
+        return;
+    };
+    for node in &snapshot.nodes {
+        let learnt = learner.observe(&Observation {
+            place: node.key.clone(),
+            session: SessionId::derive("fuzz"),
+            time: Time::from_s(1_700_000_000),
+            features: &node.features,
+            image_size: snapshot.meta.image_size.unwrap_or((640, 480)),
+            mask: None,
+            source: String::new(),
+        });
+        drop(learnt);
+    }
+    if let Ok(snapshot) = learner.snapshot() {
+        assert!(snapshot.check().is_ok());
+    }
+}
+
+/// TOML or JSON; what can be read can be written and is the same then.
+fn read<T: DeserializeOwned + serde::Serialize>(text: &str, is_json: bool) -> Option<T> {
+    if is_json {
+        return serde_json::from_str(text).ok();
+    }
+    let read: T = toml::from_str(text).ok()?;
+    let written = toml::to_string(&read).expect("what was read can be written");
+    let again: T = toml::from_str(&written).expect("what was written can be read");
+    assert_eq!(toml::to_string(&again).expect("as before"), written);
+    Some(read)
+}
+
+/// A configuration, used on a small map: the first byte says which, and whether it is TOML or JSON.
+pub(crate) fn config(bytes: &[u8]) {
+    let Some((&first, bytes)) = bytes.split_first() else {
+        return;
+    };
+    let Ok(text) = std::str::from_utf8(bytes) else {
+        return;
+    };
+    let is_json = first & 1 == 1;
+    match first / 2 % 4 {
+        0 => {
+            if let Some(cfg) = read::<LocalizerConfig>(text, is_json) {
+                ask(&Arc::new(golden().clone()), &cfg);
+            }
+        }
+        1 => {
+            if let Some(cfg) = read::<LearnConfig>(text, is_json) {
+                learn_on(golden(), &cfg);
+            }
+        }
+        2 => drop(read::<MotionConfig>(text, is_json)),
+        _ => {
+            if let Some(cfg) = read::<ExtractorConfig>(text, is_json)
+                && let Ok(extractor) = cfg.build()
+            {
+                let again = ExtractorConfig::from_id(&extractor.id()).expect("its own name");
+                assert_eq!(again, cfg);
+            }
+        }
+    }
+}
+
+/// Traces, one a line.
+pub(crate) fn trace(bytes: &[u8]) {
+    for line in bytes.split(|&byte| byte == b'\n') {
+        if let Ok(trace) = serde_json::from_slice::<Trace<'static>>(line) {
+            let written = serde_json::to_string(&trace).expect("what was read can be written");
+            let again: Trace<'static> = serde_json::from_str(&written).expect("ours");
+            assert_eq!(serde_json::to_string(&again).expect("as before"), written);
+        }
+    }
+}
+
+/// A value that other rooms keep with a map: the first byte says which.
+pub(crate) fn attachment(bytes: &[u8]) {
+    let Some((&first, bytes)) = bytes.split_first() else {
+        return;
+    };
+    let name = ATTACHMENTS[usize::from(first) % ATTACHMENTS.len()];
+    let mut snapshot = golden().clone();
+    snapshot.attachments.clear();
+    snapshot.attachments.insert(name.into(), bytes.into());
+    if let Ok(held) = Held::of(&snapshot) {
+        let mut again = golden().clone();
+        held.attach(&mut again)
+            .expect("what was read can be written");
+        assert_eq!(Held::of(&again).expect("ours"), held);
+        if let Ok(mut learner) = Learner::resume(LearnConfig::default(), snapshot.clone()) {
+            for visit in held.visits() {
+                let _ = learner.accept(visit.id);
+            }
+            if let Ok(snapshot) = learner.snapshot() {
+                assert!(snapshot.check().is_ok());
+            }
+        }
+    }
+    if name == "calibration" {
+        ask(
+            &Arc::new(snapshot),
+            &LocalizerConfig::preset(Preset::Default),
+        );
+    }
+}
+
+/// An encoded picture, decoded within limits that a fuzzer can afford.
+pub(crate) fn image(bytes: &[u8]) {
+    const MAX_PIXELS: u64 = 1 << 20;
+    let folder = folder();
+    let path = folder.path().join("a");
+    std::fs::write(&path, bytes).expect("writable");
+    let limits = DecodeLimits::default().with_max_pixels(MAX_PIXELS);
+    if let Ok(image) = load_gray(&path, &LoadOptions::default().with_limits(limits)) {
+        let num_pixels = image.width() * image.height();
+        assert!(0 < num_pixels && num_pixels as u64 <= MAX_PIXELS);
+        assert_eq!(image.digest(), image.digest());
+    }
+    if let Ok(Some(time)) = exif_time(&path) {
+        assert!(time.len() >= 20, "{time}");
+    }
+}
+
+/// A manifest, over a folder with a few files of every layout.
+pub(crate) fn manifest(bytes: &[u8]) {
+    let folder = folder();
+    let path = folder.path().join("dataset.toml");
+    std::fs::write(&path, bytes).expect("writable");
+    let Ok(manifest) = Manifest::load(&path) else {
+        return;
+    };
+    for name in [
+        "",
+        "0001.bmp",
+        "2016-06-13_10-00-00.jpg",
+        "1339000000.5.tif",
+        "99999999999999999999",
+    ] {
+        let _ = manifest.time_from_name(name);
+    }
+    let _ = manifest.time.of_visit(i64::MIN);
+    let index = "place,time,path\ndoor,2024-01-01T00:00:00Z,a.png\n";
+    std::fs::write(folder.path().join("index.csv"), index).expect("writable");
+    for place in ["place_0", "door"] {
+        let files = folder.path().join(place);
+        std::fs::create_dir(&files).expect("new");
+        for name in [
+            "00000.bmp",
+            "00001.bmp",
+            "places.txt",
+            "displacements.txt",
+            "times.txt",
+        ] {
+            std::fs::write(files.join(name), "0 1\n2 3\n").expect("writable");
+        }
+    }
+    // Only below this folder, whatever it says of where its data are.
+    if let Ok(dataset) = Dataset::open_with(&manifest, folder.path()) {
+        for entry in dataset.entries.iter().take(10) {
+            assert!(entry.source.load().is_err(), "there is no image");
+            let _ = manifest.split.as_ref().map(|split| split.side(entry));
+        }
+    }
 }
 
 /// A map file, opened and verified.
@@ -71,9 +296,8 @@ pub(crate) fn exported_folder(bytes: &[u8]) {
         return;
     };
     let folder = folder();
-    let golden = Map::open_read_only(repository("maps/golden/format-2.map")).expect("a map");
     let path = folder.path().join("out");
-    golden.snapshot().export(&path).expect("new");
+    golden().export(&path).expect("new");
     let name = EXPORTED[usize::from(first) % EXPORTED.len()];
     std::fs::write(path.join(name), bytes).expect("writable");
     if let Ok(snapshot) = Snapshot::import(&path) {
@@ -97,13 +321,7 @@ pub(crate) fn file_storage(bytes: &[u8]) {
 
 #[test]
 fn inputs_that_were_once_worth_keeping_do_no_harm() {
-    let targets: [(&str, Target); 4] = [
-        ("map_file", map_file),
-        ("index_csv", index_csv),
-        ("exported_folder", exported_folder),
-        ("file_storage", file_storage),
-    ];
-    for (name, target) in targets {
+    for (name, target) in TARGETS {
         let folder = repository("tests/data/fuzz").join(name);
         let inputs = std::fs::read_dir(&folder).expect("committed");
         let mut num_inputs = 0;

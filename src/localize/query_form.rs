@@ -235,31 +235,31 @@ fn fingerprint(stamp: Stamp, cfg: &LocalizerConfig) -> Fingerprint {
 }
 
 /// The configuration without what is made of an answer, which has no part in a query form.
-fn kept_of(cfg: &LocalizerConfig) -> Vec<u8> {
+fn kept_of(cfg: &LocalizerConfig) -> String {
     let cfg = (cfg.clone())
         .with_elsewhere(0.5)
         .with_risk(0.5)
         .with_min_score(1)
         .with_time_bucket_s(0);
-    // Its keys are strings and its numbers finite, so writing it cannot fail; if it did, the empty text would
-    // name a query form that no configuration fits.
-    serde_json::to_vec(&cfg).unwrap_or_default()
+    format!("{cfg:?}")
 }
 
 /// `MAP.GENERATION.CONFIGURATION.query`, the two as the first digits of their hashes.
 fn query_form_path(map: &Path, stamp: Stamp, cfg: &LocalizerConfig) -> PathBuf {
-    let of_cfg = Sha256::digest(kept_of(cfg));
+    let of_cfg = Sha256::digest(kept_of(cfg)).into();
     let mut name = map.as_os_str().to_owned();
     name.push(format!(
         ".{}.{}.query",
-        hex(&stamp.digest[..8]),
-        hex(&of_cfg[..4])
+        digits(&stamp.digest),
+        digits(&of_cfg)
     ));
     PathBuf::from(name)
 }
 
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+/// The first 16 digits of a hash.
+fn digits(hash: &Fingerprint) -> String {
+    let first = u64::from_be_bytes(std::array::from_fn(|at| hash[at]));
+    format!("{first:016x}")
 }
 
 /// Removes the query forms of other generations of the map; nothing else is named like them.
@@ -276,17 +276,17 @@ fn remove_older(map: &Path, stamp: Stamp) {
     let Ok(entries) = std::fs::read_dir(folder) else {
         return;
     };
-    let newest = hex(&stamp.digest[..8]);
+    let newest = digits(&stamp.digest);
     for entry in entries.flatten() {
         let other = entry.file_name();
         let generation = (other.to_str())
             .and_then(|other| other.strip_prefix(name)?.strip_prefix('.'))
             .and_then(|rest| rest.strip_suffix(".query")?.split_once('.'));
-        let is_hex =
-            |text: &str, len| text.len() == len && text.bytes().all(|b| b.is_ascii_hexdigit());
+        let is_hash =
+            |text: &str| text.len() == 16 && text.bytes().all(|byte| byte.is_ascii_hexdigit());
         if let Some((generation, cfg)) = generation
-            && is_hex(generation, 16)
-            && is_hex(cfg, 8)
+            && is_hash(generation)
+            && is_hash(cfg)
             && generation != newest
         {
             // Somebody else may have removed it already.

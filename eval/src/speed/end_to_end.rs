@@ -327,6 +327,7 @@ fn snapshot(material: &Material, num_nodes: usize) -> Result<Snapshot> {
                 }
             }
             node.log.push_visit(time, seen, None)?;
+            (node.experience_log).push_visit(time, BitRow::zeros(0), None)?;
             node.visits.push(Visit {
                 id: VisitId((place * NUM_VISITS + visit) as u128),
                 session: SessionId::derive("speed"),

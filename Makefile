@@ -18,8 +18,8 @@ parity: ## With DATA=DIR: our STAR and BRIEF against OpenCV's on every image of 
 bench: ## Benchmarks of feature extraction and matching
 	cargo bench -p chronotope
 
-speed: ## One table against OpenCV, hnsw_rs and FAISS; with DATA=DIR on real images
-	@sh scripts/speed.sh $(if $(DATA),--data "$(DATA)")
+speed: ## One table against OpenCV, hnsw_rs and FAISS; DATA=DIR: on real images, RECORD=DIR: kept there, too
+	@sh scripts/speed.sh $(if $(DATA),--data "$(DATA)") $(if $(RECORD),--record "$(RECORD)")
 
 dashboard: ## Record the demo for the rerun viewer: target/dashboard/synthetic.rrd
 	@bash scripts/dashboard.sh

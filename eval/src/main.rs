@@ -74,10 +74,18 @@ enum Command {
         #[arg(long)]
         data: Option<PathBuf>,
         /// Sizes of the maps that are localised in, places.
-        #[arg(long, value_delimiter = ',', default_value = "5,10,1000,10000")]
+        #[arg(
+            long,
+            value_delimiter = ',',
+            default_value = "5,8,10,300,1000,3000,10000"
+        )]
         nodes: Vec<usize>,
         /// Sizes of the sets that are searched, descriptors.
-        #[arg(long, value_delimiter = ',', default_value = "400,40000,500000")]
+        #[arg(
+            long,
+            value_delimiter = ',',
+            default_value = "400,40000,500000,1000000"
+        )]
         rows: Vec<usize>,
         /// The largest set that `hnsw_rs` builds a graph of; it takes minutes for 100,000 descriptors.
         #[arg(long, default_value_t = 40_000)]
@@ -91,6 +99,9 @@ enum Command {
         /// Where speed.json, speed.txt and growth.svg are written.
         #[arg(long, default_value = "target/speed")]
         out: PathBuf,
+        /// Where the run is kept with the sources as well: speed.json, speed.md and growth.svg.
+        #[arg(long)]
+        record: Option<PathBuf>,
     },
     /// Visits one place of the rendered street again and again: size, memory, time and accuracy in tenths.
     Soak(SoakOptions),
@@ -223,6 +234,7 @@ fn main_of(args: Args) -> Result<()> {
             python,
             only_temporal,
             out,
+            record,
         } => {
             let options = SpeedOptions {
                 data,
@@ -232,6 +244,7 @@ fn main_of(args: Args) -> Result<()> {
                 python,
                 only_temporal,
                 out,
+                record,
                 command: command_line(),
             };
             let report = speed::run(&options)?;

@@ -477,6 +477,12 @@ impl LocalizerConfig {
         Time::from_us(start_us.saturating_add(length_us / 2))
     }
 
+    /// The middle of the bucket after that of `time`; `None` where every time is a bucket of its own.
+    pub fn middle_of_next_bucket(&self, time: Time) -> Option<Time> {
+        let length_us = i64::from(self.0.time_bucket_s) * 1_000_000;
+        (length_us > 0).then(|| self.middle_of_bucket(time).plus_us(length_us))
+    }
+
     /// Which descriptors count as the same.
     pub fn matching(&self) -> &MatchConfig {
         &self.0.matching

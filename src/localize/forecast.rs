@@ -169,13 +169,22 @@ impl Forecast {
     }
 }
 
-/// The last forecasts of one localizer, latest used last.
+/// The last forecasts of one localizer, latest used last, and for which time one was last ordered in advance.
 #[derive(Debug, Default)]
-pub(super) struct Forecasts(Mutex<Vec<Arc<Forecast>>>);
+pub(super) struct Forecasts {
+    kept: Mutex<Vec<Arc<Forecast>>>,
+    ordered: Mutex<Option<Time>>,
+}
 
 impl Forecasts {
+    /// Whether nobody has ordered `time` as the last; then it is ordered now.
+    fn order(&self, time: Time) -> bool {
+        let mut ordered = self.ordered.lock().unwrap_or_else(PoisonError::into_inner);
+        ordered.replace(time) != Some(time)
+    }
+
     fn get(&self, time: Time) -> Option<Arc<Forecast>> {
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let at = kept.iter().position(|forecast| forecast.time == time)?;
         kept[at..].rotate_left(1);
         kept.last().cloned()
@@ -183,7 +192,7 @@ impl Forecasts {
 
     /// One to write to: the longest unused if nobody holds it, else a new one.
     fn take(&self) -> Arc<Forecast> {
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         if kept.len() >= NUM_KEPT {
             let mut oldest = kept.remove(0);
             if Arc::get_mut(&mut oldest).is_some() {
@@ -194,7 +203,7 @@ impl Forecasts {
     }
 
     fn keep(&self, forecast: &Arc<Forecast>) {
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         // Another thread may have made the same meanwhile.
         kept.retain(|other| other.time != forecast.time);
         if kept.len() >= NUM_KEPT {
@@ -208,11 +217,31 @@ impl Localizer {
     /// Predicts all places for the time bucket of `time` beforehand, on the threads of the caller's rayon
     /// pool, so that the first image in that bucket need not wait for it.
     ///
-    /// Answers are the same without. A robot that must not miss a frame calls this from another thread
-    /// with the time of its next bucket; the last two buckets are kept.
+    /// Answers are the same without; the last two buckets are kept. A robot that must not miss a frame calls
+    /// [`anticipate_next`](Self::anticipate_next) instead.
     pub fn anticipate(&self, time: Time) {
         if self.predicts() {
             self.forecast_by_all(self.middle_of_bucket(time));
+        }
+    }
+
+    /// Has `pool` predict all places for the bucket after that of `time`, and returns at once.
+    ///
+    /// To be called with every image: only the first call in a bucket orders anything. A pool of one thread
+    /// leaves the other processors to the robot. Answers are the same without; with it, the first image of a
+    /// bucket finds its prediction made, if the pool had a bucket's time to make it.
+    pub fn anticipate_next(self: &Arc<Self>, pool: &rayon::ThreadPool, time: Time) {
+        if !(self.predicts() && self.cfg.method().needs_time()) {
+            return;
+        }
+        let next = self.cfg.middle_of_next_bucket(time);
+        if let Some(next) = next
+            && self.forecasts.order(next)
+        {
+            let localizer = Arc::clone(self);
+            pool.spawn(move || {
+                localizer.forecast_by_all(next);
+            });
         }
     }
 
@@ -273,6 +302,48 @@ impl Localizer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::feature::{Descriptor, Keypoint};
+    use crate::localize::LocalizerConfig;
+    use crate::map::{MapMeta, Node, PlaceKey, Snapshot};
+    use crate::visibility::BitRow;
+
+    #[test]
+    fn the_next_bucket_is_predicted_once_and_only_where_there_are_buckets() {
+        let mut node = Node::new(PlaceKey::new("here").expect("a key"));
+        let keypoint = Keypoint {
+            x: 1.0,
+            y: 2.0,
+            size: 3.0,
+            response: 4.0,
+        };
+        node.features.push(keypoint, Descriptor::default());
+        let mut seen = BitRow::zeros(1);
+        seen.set(0);
+        node.log
+            .push_visit(Time::default(), seen, None)
+            .expect("fits");
+        let mut snapshot = Snapshot::empty(MapMeta::new(1, "none", "default"));
+        snapshot.nodes.push(Arc::new(node));
+        let snapshot = Arc::new(snapshot);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let pool = pool.expect("a thread");
+        for length_s in [600, 0] {
+            let cfg = LocalizerConfig::default()
+                .with_calibrated(false)
+                .with_time_bucket_s(length_s);
+            let localizer = Localizer::new(Arc::clone(&snapshot), cfg).expect("fits");
+            let localizer = Arc::new(localizer);
+            for s in [10, 11, 599] {
+                localizer.anticipate_next(&pool, Time::from_s(s));
+            }
+            // The one thread does what was ordered before.
+            pool.install(|| ());
+            let kept = localizer.forecasts.kept.lock().expect("whole");
+            let times: Vec<Time> = kept.iter().map(|forecast| forecast.time).collect();
+            let expected = [Time::from_s(900)];
+            assert_eq!(times, expected[..usize::from(length_s > 0)]);
+        }
+    }
 
     fn at(s: i64) -> Arc<Forecast> {
         Arc::new(Forecast {
@@ -299,6 +370,14 @@ mod tests {
         let mut free = forecasts.take();
         assert_eq!(free.time, Time::from_s(1), "its memory");
         assert!(Arc::get_mut(&mut free).is_some());
+    }
+
+    #[test]
+    fn a_time_is_ordered_once_until_another_is() {
+        let forecasts = Forecasts::default();
+        let [first, second] = [1, 2].map(Time::from_s);
+        let ordered = [first, first, second, second, first].map(|time| forecasts.order(time));
+        assert_eq!(ordered, [true, false, true, false, true]);
     }
 
     #[test]

@@ -34,6 +34,7 @@ mod config;
 mod evidence;
 mod forecast;
 mod localization;
+mod query_form;
 mod sweep;
 pub mod trace;
 mod tracking;

@@ -16,9 +16,11 @@ mod format;
 mod held;
 mod identity;
 mod load;
+mod mapped;
 mod npy;
 mod prune;
 mod reobservation;
+mod stamp;
 mod store;
 mod types;
 mod verify;
@@ -29,7 +31,9 @@ pub use file_storage::{FileStorageMap, read_file_storage};
 pub use held::{ClockFault, Doubt, Held, HeldVisit, MaskRuns};
 pub use identity::{derived_uuid, features_digest, random_uuid};
 pub use load::{Fault, Generation};
+pub(crate) use mapped::MappedFile;
 pub use reobservation::Reobservation;
+pub use stamp::Stamp;
 pub use store::{Map, Pruned};
 pub use types::{
     AppearanceUse, Edge, MapMeta, Node, NodeId, PlaceKey, SessionId, Snapshot, Visit, VisitId,

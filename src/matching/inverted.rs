@@ -110,6 +110,19 @@ impl BinaryWords {
         }
     }
 
+    /// Of these centroids, as [`centroids`](Self::centroids) gave them.
+    pub fn from_centroids(centroids: &[Descriptor]) -> Self {
+        Self {
+            centroids: PackedDescriptors::pack(centroids),
+            kernel: Kernel::best(),
+        }
+    }
+
+    /// All of them, in order.
+    pub fn centroids(&self) -> impl Iterator<Item = Descriptor> + '_ {
+        (0..self.len()).map(|word| Descriptor(self.centroids.row(word)))
+    }
+
     /// How many words.
     pub fn len(&self) -> usize {
         self.centroids.len()

@@ -58,6 +58,33 @@ impl Fremen {
         }
     }
 
+    /// From what [`to_parts`](Self::to_parts) gave; `None` if the parts do not fit each other.
+    pub(crate) fn from_parts(
+        candidates: CandidatePeriods,
+        order: usize,
+        mean: Vec<f64>,
+        candidate: Vec<u16>,
+        terms: Vec<(f64, f64)>,
+    ) -> Option<Self> {
+        let num_slots = order.checked_mul(mean.len())?;
+        let fits = candidate.len() == num_slots
+            && terms.len() == num_slots
+            && candidate.iter().all(|&k| usize::from(k) < candidates.len());
+        fits.then_some(Self {
+            candidates,
+            order,
+            mean,
+            candidate,
+            terms,
+        })
+    }
+
+    /// Means of the features; candidate and terms of component `slot` of feature f at
+    /// `slot * num_features + f`.
+    pub(crate) fn to_parts(&self) -> (&[f64], &[u16], &[(f64, f64)]) {
+        (&self.mean, &self.candidate, &self.terms)
+    }
+
     /// The rhythms it was fitted with.
     pub fn candidates(&self) -> &CandidatePeriods {
         &self.candidates
@@ -153,6 +180,10 @@ impl VisibilityModel for Fremen {
 
     fn level(&self, feature: usize) -> Option<f64> {
         Some(self.mean[feature])
+    }
+
+    fn as_fremen(&self) -> Option<&Fremen> {
+        Some(self)
     }
 
     fn components(&self, feature: usize) -> Vec<Component> {

@@ -2,6 +2,7 @@
 
 use std::fmt::Debug;
 
+use super::Fremen;
 use crate::spectrum::Component;
 use crate::time::Time;
 
@@ -53,5 +54,10 @@ pub trait VisibilityModel: Debug + Send + Sync {
     fn components(&self, feature: usize) -> Vec<Component> {
         assert!(feature < self.num_features(), "no feature {feature}");
         Vec::new()
+    }
+
+    /// The model itself, if it is a level and rhythms and nothing else: the form that is kept in files.
+    fn as_fremen(&self) -> Option<&Fremen> {
+        None
     }
 }

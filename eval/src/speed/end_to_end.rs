@@ -27,10 +27,15 @@ use chronotope::predict::Selection;
 use chronotope::visibility::BitRow;
 
 use super::material::SplitMix;
-use super::{Material, Measurement, time as repeat};
+use super::{Material, Measurement, opening, time as repeat};
 
 /// What the section is called; the plot of growth looks for it.
 pub(super) const SECTION: &str = "one answer, 50 features a place, 500 live";
+
+/// Rows that the targets look for.
+pub(super) const EXTRACT: &str = "extract";
+pub(super) const WHOLE: &str = "whole";
+pub(super) const LISTED: &str = "whole, inverted file";
 
 const NUM_PREDICTED: usize = 50;
 const NUM_VISITS: usize = 12;
@@ -42,8 +47,12 @@ const MAX_ANSWERS: usize = 200;
 const ENOUGH_S: f64 = 60.0;
 /// Maps up to this size are localised in by the plain count as well.
 const MAX_COUNTED: usize = 1_000;
-/// Maps from this size on are worth a short list.
-const MIN_LISTED: usize = 1_000;
+/// Short lists are made in maps of more places than this.
+const MAX_UNLISTED: usize = 256;
+/// Threads that a batch is answered on.
+const NUM_THREADS: usize = 2;
+/// Maps from this size on are opened from a file.
+const MIN_OPENED: usize = 1_000;
 
 /// Every stage in a map of `num_nodes` places.
 pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measurement>> {
@@ -63,6 +72,7 @@ pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measu
     let fit_ms = start.elapsed().as_secs_f64() * 1e3;
     let predict_ms = predict(&localizer, time)?;
     let exact = Asked::of(&localizer, material, time)?;
+    let batch_ms = batch(&localizer, material, time, &exact)?;
     let per_feature = resident_bytes()
         .zip(memory)
         .map(|(now, before)| now.saturating_sub(before) as f64 / num_features as f64);
@@ -80,14 +90,16 @@ pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measu
     let mut rows = vec![
         row("fit and calibrate, once", &[fit_ms]).note(format!("{num_features} features{memory}")),
         row("predict, once a bucket", &predict_ms).note("10 minutes are a bucket"),
-        row("extract", &extract(material)?).note("one image, as in its own section"),
+        row(EXTRACT, &extract(material)?).note("one image, as in its own section"),
         row("match", &match_ms)
             .pairs(num_pairs)
             .note(format!("{rate:.3e} pairs/s")),
         row("vote, weigh, rank, decide", &decide),
-        row("whole", &exact.whole).note(format!(
+        row(WHOLE, &exact.whole).note(format!(
             "{share:.0} % of first places are of the right street"
         )),
+        row("whole, batch on two threads", &batch_ms)
+            .note("a batch over its images; the same answers, by one thread and by two"),
     ];
     if num_nodes <= MAX_COUNTED {
         let counting = cfg.clone().with_score(Score::Count).with_calibrated(false);
@@ -99,12 +111,12 @@ pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measu
             "the likelihood takes {more:+.0} % more at the median"
         )));
     }
-    if num_nodes < MIN_LISTED {
+    if num_nodes <= MAX_UNLISTED {
         return Ok(rows);
     }
     let mut localizer = localizer;
     for (kind, name) in [
-        (Candidates::Inverted, "whole, inverted file"),
+        (Candidates::Inverted, LISTED),
         (Candidates::Words, "whole, signatures"),
     ] {
         let start = Instant::now();
@@ -121,8 +133,59 @@ pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measu
             listed.first.len(),
             build_ms / 1e3
         )));
+        if kind == Candidates::Inverted {
+            let ms = batch(&localizer, material, time, &listed)?;
+            rows.push(row("inverted file, batch on two threads", &ms));
+        }
+    }
+    drop(localizer);
+    if num_nodes >= MIN_OPENED {
+        let cfg = cfg.with_candidates(Candidates::Auto);
+        rows.extend(opening::measure(material, &snapshot, &cfg, time)?);
     }
     Ok(rows)
+}
+
+/// Milliseconds an image of answering all queries in one batch, on two threads; what one thread and two answer
+/// must be what was answered one by one.
+fn batch(
+    localizer: &Localizer,
+    material: &Material,
+    time: Time,
+    singly: &Asked,
+) -> Result<Vec<f64>> {
+    let queries: Vec<Query<'_>> = (material.queries.iter())
+        .take(singly.first.len())
+        .map(|features| Query {
+            features,
+            time: Some(time),
+            image_size: None,
+        })
+        .collect();
+    let pool = |num_threads| {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(num_threads)
+            .build()
+    };
+    let mut ms = Vec::new();
+    let first = |answers: &[Localization]| -> Vec<Option<NodeId>> {
+        (answers.iter())
+            .map(|answer| answer.first().map(|first| first.node))
+            .collect()
+    };
+    let two = pool(NUM_THREADS)?;
+    let mut answers = Vec::new();
+    for _ in 0..3 {
+        let start = Instant::now();
+        answers = two.install(|| localizer.localize_batch(&queries))?;
+        ms.push(start.elapsed().as_secs_f64() * 1e3 / queries.len() as f64);
+    }
+    let alone = pool(1)?.install(|| localizer.localize_batch(&queries))?;
+    ensure!(
+        alone == answers && first(&answers) == singly.first[..queries.len()],
+        "answers depend on the number of threads"
+    );
+    Ok(ms)
 }
 
 fn least(ms: &[f64]) -> f64 {
@@ -264,6 +327,7 @@ fn snapshot(material: &Material, num_nodes: usize) -> Result<Snapshot> {
                 }
             }
             node.log.push_visit(time, seen, None)?;
+            (node.experience_log).push_visit(time, BitRow::zeros(0), None)?;
             node.visits.push(Visit {
                 id: VisitId((place * NUM_VISITS + visit) as u128),
                 session: SessionId::derive("speed"),

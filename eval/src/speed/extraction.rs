@@ -6,7 +6,8 @@ use chronotope::simd::Kernel;
 
 use super::{Material, Measurement, Python, time};
 
-const SECTION: &str = "extraction, 500 features";
+/// What the section is called; the targets look for it.
+pub(super) const SECTION: &str = "extraction, 500 features";
 
 /// Each kernel, and OpenCV where there is a Python with it, on the same grey bytes.
 pub(super) fn measure(material: &Material, python: Option<&Python>) -> Result<Vec<Measurement>> {

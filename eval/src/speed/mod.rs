@@ -19,10 +19,13 @@
 mod end_to_end;
 mod extraction;
 mod material;
+mod opening;
 mod plot;
+mod record;
 mod rivals;
 mod search;
 mod table;
+mod targets;
 #[path = "../../../benches/temporal/mod.rs"]
 mod temporal;
 
@@ -38,6 +41,7 @@ use crate::run::{commit, machine};
 
 pub use material::Material;
 pub use rivals::Python;
+pub use targets::Target;
 
 /// What is measured and where results go.
 #[derive(Clone, Debug)]
@@ -56,6 +60,8 @@ pub struct SpeedOptions {
     pub only_temporal: bool,
     /// Where `speed.json`, `speed.txt` and `growth.svg` are written.
     pub out: PathBuf,
+    /// Where the run is kept with the sources: `speed.json`, `speed.md` and `growth.svg`.
+    pub record: Option<PathBuf>,
     /// The command as typed.
     pub command: String,
 }
@@ -82,6 +88,9 @@ pub struct Measurement {
     /// Whether the other ratios of its case are taken against this one.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_reference: bool,
+    /// Bytes a feature of what the row is about, for memory and files.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bytes_per_feature: Option<f64>,
     /// Share of queries whose nearest was found, for approximate searches.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recall: Option<f64>,
@@ -100,6 +109,7 @@ impl Measurement {
             ms_p50: quantile(ms, 0.5).unwrap_or(f64::NAN),
             ms_p99: (ms.len() >= 50).then(|| quantile(ms, 0.99)).flatten(),
             pairs: None,
+            bytes_per_feature: None,
             is_reference: false,
             recall: None,
             note: String::new(),
@@ -108,6 +118,11 @@ impl Measurement {
 
     fn pairs(mut self, pairs: usize) -> Self {
         self.pairs = Some(pairs as u64);
+        self
+    }
+
+    fn bytes_per_feature(mut self, bytes: f64) -> Self {
+        self.bytes_per_feature = Some(bytes);
         self
     }
 
@@ -142,6 +157,9 @@ pub struct SpeedReport {
     pub commit: String,
     /// Processor, kernel, threads.
     pub machine: String,
+    /// System, caches, memory and load, where the system tells.
+    #[serde(default)]
+    pub host: Vec<String>,
     /// The command as typed.
     pub command: String,
     /// Where the descriptors come from.
@@ -150,6 +168,9 @@ pub struct SpeedReport {
     pub missing: Vec<String>,
     /// The rows of the table, in order.
     pub measurements: Vec<Measurement>,
+    /// What was promised, judged by them.
+    #[serde(default)]
+    pub targets: Vec<Target>,
 }
 
 impl SpeedReport {
@@ -170,22 +191,32 @@ pub fn run(options: &SpeedOptions) -> Result<SpeedReport> {
         schema_version: 1,
         commit: commit(),
         machine: machine(),
+        host: record::host(),
         command: options.command.clone(),
         material: "made up: visits at random times, states at random".into(),
         missing: Vec::new(),
         measurements: Vec::new(),
+        targets: Vec::new(),
     };
     eprintln!("learning and asking temporal models");
     report.measurements.extend(temporal_models()?);
     if !options.only_temporal {
         of_images(options, &mut report)?;
     }
-    std::fs::create_dir_all(&options.out)
-        .with_context(|| format!("cannot create {}", options.out.display()))?;
-    let write = |name: &str, bytes: &[u8]| write_atomically(&options.out.join(name), bytes);
-    write("speed.json", &serde_json::to_vec_pretty(&report)?)?;
-    write("speed.txt", table::render(&report).as_bytes())?;
-    write("growth.svg", plot::growth(&report).as_bytes())?;
+    report.targets = targets::judge(&report);
+    let json = serde_json::to_vec_pretty(&report)?;
+    let write = |folder: &Path, page: &str, text: &str| -> Result<()> {
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("cannot create {}", folder.display()))?;
+        write_atomically(&folder.join("speed.json"), &json)?;
+        write_atomically(&folder.join(page), text.as_bytes())?;
+        write_atomically(&folder.join("growth.svg"), plot::growth(&report).as_bytes())?;
+        Ok(())
+    };
+    write(&options.out, "speed.txt", &table::render(&report))?;
+    if let Some(folder) = &options.record {
+        write(folder, "speed.md", &record::markdown(&report))?;
+    }
     Ok(report)
 }
 
@@ -267,6 +298,7 @@ mod tests {
             schema_version: 1,
             commit: "abc".into(),
             machine: "a machine".into(),
+            host: vec!["caches: many".into()],
             command: "chronotope-eval speed".into(),
             material: "made up".into(),
             missing: vec!["nothing".into()],
@@ -278,6 +310,7 @@ mod tests {
                 Measurement::new(end_to_end::SECTION, "10 places", "match", &[5.0]),
                 Measurement::new(end_to_end::SECTION, "100 places", "match", &[50.0]),
             ],
+            targets: Vec::new(),
         }
     }
 
@@ -295,6 +328,11 @@ mod tests {
         let path = folder.path().join("speed.json");
         std::fs::write(&path, serde_json::to_vec(&report).unwrap()).unwrap();
         assert_eq!(read(&path).unwrap(), report);
+        let page = record::markdown(&report);
+        assert!(
+            page.contains("caches: many") && page.contains(&text),
+            "{page}"
+        );
     }
 
     #[test]

@@ -66,6 +66,8 @@ pub struct Indexes<'a> {
     pub probes: &'a [usize],
     /// Whether the graph is built.
     pub graph: bool,
+    /// Whether OpenCV searches as well, because this program is built without it.
+    pub opencv: bool,
 }
 
 #[derive(Serialize)]
@@ -81,6 +83,7 @@ enum Job<'a> {
         num_lists: usize,
         probes: &'a [usize],
         graph: bool,
+        opencv: bool,
     },
 }
 
@@ -135,6 +138,7 @@ impl Python {
             num_lists: indexes.num_lists.unwrap_or(0),
             probes: indexes.probes,
             graph: indexes.graph,
+            opencv: indexes.opencv,
         };
         let files = [
             ("queries.bin", bytes(queries)),

@@ -13,6 +13,8 @@ use super::{Material, Measurement, Python, SpeedOptions, SpeedReport, time};
 
 /// What the section is called.
 pub(super) const SECTION: &str = "two nearest of 256 bits";
+/// The row of OpenCV.
+pub(super) const OPENCV: &str = "OpenCV BFMatcher";
 const NUM_QUERIES: usize = 500;
 /// Connections of a point and candidates while building, of `hnsw_rs`.
 const CONNECTIONS: usize = 16;
@@ -68,13 +70,13 @@ pub(super) fn measure(
     if num_rows >= MIN_APPROXIMATE {
         inverted(&queries, &rows, &exact, &row, report)?;
     }
-    opencv(&queries, &rows, &exact, &row, report)?;
+    opencv(&queries, &rows, &exact, &row, report, python.is_some())?;
     if let Some(python) = python {
         faiss(python, &queries, &rows, &exact, &row, report)?;
     }
     if (MIN_APPROXIMATE..=options.max_hnsw_rows).contains(&num_rows) {
         hnsw(&queries, &rows, &exact, &row, report);
-    } else if num_rows > options.max_hnsw_rows {
+    } else if num_rows > options.max_hnsw_rows.max(MIN_APPROXIMATE) {
         report.missing.push(format!(
             "hnsw_rs at {num_rows} rows: building takes minutes; --max-hnsw-rows {num_rows} measures it"
         ));
@@ -175,11 +177,19 @@ fn faiss(
         num_lists,
         probes: &PROBES,
         graph: (MIN_APPROXIMATE..=100_000).contains(&rows.len()),
+        opencv: !cfg!(feature = "opencv"),
     };
     let search = python
         .search(queries, rows, exact, indexes)
         .context("FAISS")?;
     for answer in &search.answers {
+        if answer.name == OPENCV {
+            ensure!(answer.is_equal, "OpenCV finds other distances");
+            let note = "its core `batchDistance` through Python, one thread, distances equal";
+            let theirs = row(OPENCV, &answer.ms).reference().note(note);
+            report.measurements.push(theirs);
+            continue;
+        }
         let mut measurement = row(&format!("FAISS {}", answer.name), &answer.ms);
         if answer.name == "flat" {
             ensure!(answer.is_equal, "FAISS's flat index finds other distances");
@@ -204,6 +214,7 @@ fn opencv(
     exact: &[NearestTwo],
     row: &impl Fn(&str, &[f64]) -> Measurement,
     report: &mut SpeedReport,
+    _: bool,
 ) -> Result<()> {
     use opencv::core::{self, DMatch, Mat, Vector};
     use opencv::features2d::BFMatcher;
@@ -240,7 +251,7 @@ fn opencv(
         );
     }
     report.measurements.push(
-        row("OpenCV BFMatcher", &ms)
+        row(OPENCV, &ms)
             .reference()
             .note("one thread, distances equal"),
     );
@@ -255,9 +266,10 @@ fn opencv(
     _: &[NearestTwo],
     _: &impl Fn(&str, &[f64]) -> Measurement,
     report: &mut SpeedReport,
+    by_python: bool,
 ) -> Result<()> {
     let missing = "OpenCV's BFMatcher: built without `--features opencv`".to_owned();
-    if !report.missing.contains(&missing) {
+    if !by_python && !report.missing.contains(&missing) {
         report.missing.push(missing);
     }
     Ok(())

@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use super::{Measurement, SpeedReport};
+use super::targets::{ENOUGH, break_even};
+use super::{Measurement, SpeedReport, record};
 
 /// One block for each section, one line for each measurement.
 pub(super) fn render(report: &SpeedReport) -> String {
@@ -29,18 +30,46 @@ pub(super) fn render(report: &SpeedReport) -> String {
             section = &row.section;
             let _ = writeln!(
                 text,
-                "\n{section}\n  {:<25}{:<30}{:>11}{:>11}{:>11}{:>10}{:>9}{:>9}  note",
-                "case", "subject", "best ms", "p50 ms", "p99 ms", "ns/pair", "ratio", "nearest"
+                "\n{section}\n  {:<25}{:<30}{:>11}{:>11}{:>11}{:>10}{:>7}{:>9}{:>9}  note",
+                "case",
+                "subject",
+                "best ms",
+                "p50 ms",
+                "p99 ms",
+                "ns/pair",
+                "bytes",
+                "ratio",
+                "nearest"
             );
         }
         let _ = writeln!(text, "{}", line(report, row).trim_end());
     }
     compare(report, &mut text);
+    if let Some(places) = break_even(report) {
+        let _ = writeln!(
+            text,
+            "\nShort lists overtake the exact answer at about {places:.0} places"
+        );
+    }
+    if report.targets.iter().any(|target| target.found.is_some()) {
+        text.push_str("\nTargets\n");
+    }
+    for target in report
+        .targets
+        .iter()
+        .filter(|target| target.found.is_some())
+    {
+        let _ = writeln!(
+            text,
+            "  {:<82}{:>8}{:>9}  {}",
+            target.name,
+            record::wanted(target),
+            record::found(target),
+            record::verdict(target)
+        );
+    }
     text
 }
-
-/// What an approximate search must find of the nearest to be compared.
-const ENOUGH: f64 = 0.99;
 
 /// For each set that was searched: our fastest kernel against the exact rivals and its limit, our
 /// inverted file against the approximate ones that find as many.
@@ -104,13 +133,14 @@ fn line(report: &SpeedReport, row: &Measurement) -> String {
     let or_blank = |text: Option<String>| text.unwrap_or_default();
     let ns = row.pairs.map(|pairs| row.ms_best * 1e6 / pairs as f64);
     format!(
-        "  {:<25}{:<30}{:>11.3}{:>11.3}{:>11}{:>10}{:>9}{:>9}  {}",
+        "  {:<25}{:<30}{:>11.3}{:>11.3}{:>11}{:>10}{:>7}{:>9}{:>9}  {}",
         row.case,
         row.subject,
         row.ms_best,
         row.ms_p50,
         or_blank(row.ms_p99.map(|ms| format!("{ms:.3}"))),
         or_blank(ns.map(|ns| format!("{ns:.3}"))),
+        or_blank(row.bytes_per_feature.map(|bytes| format!("{bytes:.0}"))),
         or_blank(report.ratio(row).map(|ratio| format!("{ratio:.2}x"))),
         or_blank(row.recall.map(|recall| format!("{:.1} %", 100.0 * recall))),
         row.note

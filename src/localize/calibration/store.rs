@@ -61,7 +61,7 @@ impl Calibration {
     }
 
     /// Whether a copy from outside can be used without surprises.
-    fn holds_together(&self, snapshot: &Snapshot) -> bool {
+    pub(in crate::localize) fn holds_together(&self, snapshot: &Snapshot) -> bool {
         let num_places = snapshot.nodes.len();
         let is_rate = |rate: &f64| (0.0..=1.0).contains(rate);
         let knots = self.detection.knots();

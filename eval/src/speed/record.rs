@@ -1,0 +1,137 @@
+//! What does a run look like that is kept with the sources?
+//!
+//! Markdown, for people, next to the JSON of the same run: the machine, which targets were met, and the
+//! whole table as the terminal shows it.
+
+use std::fmt::Write as _;
+
+use super::{SpeedReport, Target, table};
+
+/// The page.
+pub(super) fn markdown(report: &SpeedReport) -> String {
+    let mut text = String::from(
+        "# A run of `make speed`\n\n\
+         Ratios hold within this run on this machine. Numbers in full: `speed.json`; growth: `growth.svg`.\n\n",
+    );
+    // Writing to a string cannot fail.
+    let _ = writeln!(text, "- machine: {}", report.machine);
+    for line in &report.host {
+        let _ = writeln!(text, "- {line}");
+    }
+    let _ = writeln!(text, "- sources: {}", report.commit);
+    let _ = writeln!(text, "- material: {}", report.material);
+    for missing in &report.missing {
+        let _ = writeln!(text, "- missing: {missing}");
+    }
+    text.push_str("\n## Targets\n\n| what | wanted | found | |\n|---|---|---|---|\n");
+    for target in &report.targets {
+        let _ = writeln!(
+            text,
+            "| {} | {} | {} | {} |",
+            target.name,
+            wanted(target),
+            found(target),
+            verdict(target)
+        );
+    }
+    let _ = write!(
+        text,
+        "\n## Everything\n\n```text\n{}```\n",
+        table::render(report)
+    );
+    text
+}
+
+/// `>= 20` or `<= 1.1`.
+pub(super) fn wanted(target: &Target) -> String {
+    format!(
+        "{} {}",
+        if target.at_least { ">=" } else { "<=" },
+        target.wanted
+    )
+}
+
+/// Three figures or more.
+pub(super) fn found(target: &Target) -> String {
+    match target.found {
+        None => "-".into(),
+        Some(value) if value < 10.0 => format!("{value:.2}"),
+        Some(value) => format!("{value:.1}"),
+    }
+}
+
+/// In a word.
+pub(super) fn verdict(target: &Target) -> &'static str {
+    match target.is_met() {
+        Some(true) => "met",
+        Some(false) => "missed",
+        None => "not measured",
+    }
+}
+
+/// What runs beneath: system, caches, memory, and how busy the machine is, where the system tells.
+pub(super) fn host() -> Vec<String> {
+    let read = |path: &str| std::fs::read_to_string(path).ok();
+    let first_words = |text: &str, count: usize| {
+        text.split_whitespace()
+            .take(count)
+            .collect::<Vec<_>>()
+            .join(" ")
+    };
+    let mut lines = Vec::new();
+    if let Some(version) = read("/proc/version") {
+        lines.push(format!("system: {}", first_words(&version, 3)));
+    }
+    let cache = |index: usize| {
+        let of = |name: &str| {
+            read(&format!(
+                "/sys/devices/system/cpu/cpu0/cache/index{index}/{name}"
+            ))
+            .map(|text| text.trim().to_owned())
+        };
+        Some(format!(
+            "L{} {} {}",
+            of("level")?,
+            of("type")?.to_lowercase(),
+            of("size")?
+        ))
+    };
+    let caches: Vec<String> = (0..4).filter_map(cache).collect();
+    if !caches.is_empty() {
+        lines.push(format!("caches: {}", caches.join(", ")));
+    }
+    if let Some(memory) = read("/proc/meminfo") {
+        let total = memory
+            .lines()
+            .find_map(|line| line.strip_prefix("MemTotal:"));
+        lines.extend(total.map(|total| format!("memory: {}", total.trim())));
+    }
+    if let Some(load) = read("/proc/loadavg") {
+        let load = first_words(&load, 1);
+        lines.push(format!(
+            "load: {load} processes wanted to run when it began (itself is 1)"
+        ));
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_and_verdicts_are_written_as_people_read_them() {
+        let target = |found, at_least| Target {
+            name: "x".into(),
+            wanted: 1.1,
+            found,
+            at_least,
+        };
+        assert_eq!(wanted(&target(None, true)), ">= 1.1");
+        assert_eq!(found(&target(Some(21.44), true)), "21.4");
+        assert_eq!(found(&target(Some(1.014), false)), "1.01");
+        assert_eq!(verdict(&target(Some(1.2), true)), "met");
+        assert_eq!(verdict(&target(Some(1.2), false)), "missed");
+        assert_eq!(verdict(&target(None, false)), "not measured");
+    }
+}

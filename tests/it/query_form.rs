@@ -1,0 +1,280 @@
+//! Maps opened by way of the query form beside them: the same answers, whatever became of that file.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use chronotope::Time;
+use chronotope::feature::{Descriptor, Features, Keypoint};
+use chronotope::localize::{Candidates, Localization, Localizer, LocalizerConfig, Method, Query};
+use chronotope::map::{
+    AppearanceUse, Map, MapMeta, Node, NodeId, PlaceKey, SessionId, Snapshot, Stamp, Visit, VisitId,
+};
+use chronotope::predict::Selection;
+use chronotope::visibility::BitRow;
+
+const NUM_FEATURES: usize = 30;
+const NUM_VISITS: usize = 12;
+const DAY_S: i64 = 86_400;
+
+/// Steele, Lea and Flood's `SplitMix64`.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    fn features(&mut self, count: usize) -> Features {
+        let mut features = Features::new();
+        for _ in 0..count {
+            let keypoint = Keypoint {
+                x: (self.next() % 400) as f32 + 0.25,
+                y: (self.next() % 300) as f32,
+                size: 10.0,
+                response: -1.5,
+            };
+            let descriptor = Descriptor(std::array::from_fn(|_| self.next()));
+            features.push(keypoint, descriptor);
+        }
+        features
+    }
+}
+
+/// Places whose features come and go with the months of a year.
+fn map(num_places: usize) -> Snapshot {
+    let mut random = Random(7);
+    let mut snapshot = Snapshot::empty(MapMeta::new(5, "none", "default"));
+    (snapshot.attachments).insert("a-note".into(), vec![0, 159, 146, 150].into());
+    for place in 0..num_places {
+        let mut node = Node::new(PlaceKey::new(&format!("p{place:03}")).expect("a key"));
+        node.features = random.features(NUM_FEATURES);
+        node.pose = (place % 2 == 0).then_some([place as f64 / 3.0, -1.0, 0.5]);
+        for visit in 0..NUM_VISITS {
+            let mut seen = BitRow::zeros(NUM_FEATURES);
+            for feature in 0..NUM_FEATURES {
+                let in_season = (visit + feature) % NUM_VISITS < NUM_VISITS / 2;
+                if visit == 0 || in_season != random.next().is_multiple_of(8) {
+                    seen.set(feature);
+                }
+            }
+            let hidden = (visit == 3 && place == 1).then(|| {
+                let mut hidden = BitRow::zeros(NUM_FEATURES);
+                (0..NUM_FEATURES)
+                    .filter(|&feature| !seen.get(feature))
+                    .for_each(|feature| hidden.set(feature));
+                hidden
+            });
+            let time = Time::from_s(1_700_000_000 + visit as i64 * 30 * DAY_S);
+            node.log.push_visit(time, seen, hidden).expect("fits");
+            node.experience_log
+                .push_visit(time, BitRow::zeros(0), None)
+                .expect("fits");
+            let kept = (visit == 0).then(|| Arc::new(random.features(3)));
+            node.visits.push(Visit {
+                id: VisitId((place * NUM_VISITS + visit) as u128),
+                session: SessionId::derive("test"),
+                time,
+                source: format!("{place}/{visit}.png"),
+                appearance: kept,
+                appearance_use: AppearanceUse::Recognised,
+            });
+        }
+        snapshot.nodes.push(Arc::new(node));
+    }
+    snapshot
+}
+
+/// A map file of so many places in a folder of its own.
+fn stored(num_places: usize) -> (tempfile::TempDir, PathBuf, Map) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("town.chronotope");
+    let snapshot = map(num_places);
+    let map = Map::create(&path, snapshot.meta.clone()).expect("made");
+    map.commit(&snapshot).expect("stored");
+    (folder, path, map)
+}
+
+fn cfg() -> LocalizerConfig {
+    LocalizerConfig::default().with_selection(Selection::top(12).expect("some"))
+}
+
+/// Every query form in the folder of `map`.
+fn query_forms(map: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(map.parent().expect("a folder")).expect("listed");
+    let mut found: Vec<PathBuf> = entries
+        .map(|entry| entry.expect("an entry").path())
+        .filter(|path| path != map)
+        .collect();
+    found.sort();
+    found
+}
+
+/// What a localizer says to views of some places in two seasons.
+fn answers(localizer: &Localizer) -> Vec<Localization> {
+    let nodes = &localizer.snapshot().nodes;
+    let mut scratch = localizer.scratch();
+    let mut random = Random(99);
+    let mut answers = Vec::new();
+    for node in nodes.iter().step_by(nodes.len().div_ceil(8)) {
+        for season in [0, 6] {
+            let mut live = random.features(20);
+            live.append(&node.features, &[1, 4, 9, 16, 25, 2, 8, 18]);
+            let query = Query {
+                features: &live,
+                time: Some(Time::from_s(1_740_000_000 + season * 30 * DAY_S)),
+                image_size: None,
+            };
+            answers.push(localizer.localize(&mut scratch, &query).expect("fits"));
+        }
+    }
+    answers
+}
+
+#[test]
+fn a_map_opened_by_its_query_form_gives_the_same_answers() {
+    let (_folder, path, map) = stored(300);
+    for candidates in [Candidates::Exact, Candidates::Inverted] {
+        for method in [Method::Fused, Method::Fremen] {
+            let cfg = cfg().with_candidates(candidates).with_method(method);
+            let whole = Localizer::new(map.snapshot(), cfg.clone()).expect("fits");
+            let expected = answers(&whole);
+            let num_before = query_forms(&path).len();
+            let cold = Localizer::open(&path, cfg.clone()).expect("opens");
+            assert_eq!(answers(&cold), expected);
+            assert_eq!(query_forms(&path).len(), num_before + 1);
+            let warm = Localizer::open(&path, cfg).expect("opens");
+            assert_eq!(answers(&warm), expected, "{candidates:?} {method}");
+            // It was read from the query form: that has no appearances, and everything else.
+            let mut kept = Snapshot::clone(&map.snapshot());
+            for node in &mut kept.nodes {
+                for visit in &mut Arc::make_mut(node).visits {
+                    visit.appearance = None;
+                }
+            }
+            assert_eq!(**warm.snapshot(), kept);
+            assert_eq!(warm.calibration(), whole.calibration());
+            let model = |it: &Localizer| format!("{:?}", it.model(NodeId(1)));
+            assert_eq!(model(&warm), model(&whole));
+        }
+    }
+}
+
+#[test]
+fn the_models_of_the_test_have_rhythms() {
+    let localizer = Localizer::new(Arc::new(map(2)), cfg()).expect("fits");
+    let model = localizer.model(NodeId(0)).expect("predicts");
+    assert!(model.order() > 0, "else nothing of them is put to the test");
+}
+
+#[test]
+fn a_damaged_query_form_is_made_anew() {
+    let (_folder, path, map) = stored(3);
+    let cfg = cfg().with_calibrated(false);
+    let expected = answers(&Localizer::new(map.snapshot(), cfg.clone()).expect("fits"));
+    Localizer::open(&path, cfg.clone()).expect("opens");
+    let [file] = &query_forms(&path)[..] else {
+        panic!("one query form");
+    };
+    let whole = std::fs::read(file).expect("read");
+    let check = |damaged: &[u8], what: &str| {
+        std::fs::write(file, damaged).expect("written");
+        let localizer = Localizer::open(&path, cfg.clone()).expect(what);
+        assert_eq!(answers(&localizer), expected, "{what}");
+        assert_eq!(std::fs::read(file).expect("read"), whole, "{what}");
+    };
+    let lengths = (0..80)
+        .step_by(7)
+        .chain((80..whole.len()).step_by(whole.len() / 40));
+    for len in lengths {
+        check(&whole[..len], &format!("{len} bytes"));
+    }
+    let positions = (0..64).chain((64..whole.len()).step_by(whole.len() / 80));
+    for at in positions.chain([whole.len() - 1]) {
+        let mut damaged = whole.clone();
+        damaged[at] ^= 1 << (at % 8);
+        check(&damaged, &format!("bit at {at}"));
+    }
+    let mut longer = whole.clone();
+    longer.push(b' ');
+    check(&longer, "longer");
+}
+
+#[test]
+fn a_query_form_of_another_generation_or_configuration_is_not_used() {
+    let (folder, path, map) = stored(4);
+    let neighbour = folder.path().join("town.chronotope.notes.query");
+    std::fs::write(&neighbour, "mine").expect("written");
+    Localizer::open(&path, cfg()).expect("opens");
+    let old = query_forms(&path);
+    let mut newer = Snapshot::clone(&map.snapshot());
+    let node = Arc::make_mut(&mut newer.nodes[2]);
+    let time = Time::from_s(1_735_000_000);
+    let mut seen = BitRow::zeros(NUM_FEATURES);
+    (0..9).for_each(|feature| seen.set(feature));
+    node.log.push_visit(time, seen, None).expect("fits");
+    node.experience_log
+        .push_visit(time, BitRow::zeros(0), None)
+        .expect("fits");
+    node.visits.push(Visit {
+        id: VisitId(999),
+        session: SessionId::derive("later"),
+        time,
+        source: String::new(),
+        appearance: None,
+        appearance_use: AppearanceUse::Recognised,
+    });
+    let before = Stamp::read(&path).expect("read");
+    map.commit(&newer).expect("stored");
+    let after = Stamp::read(&path).expect("read");
+    assert_eq!(after, Stamp::of(&map.snapshot()));
+    assert_ne!(after, before);
+
+    let expected = answers(&Localizer::new(map.snapshot(), cfg()).expect("fits"));
+    for _ in 0..2 {
+        let localizer = Localizer::open(&path, cfg()).expect("opens");
+        assert_eq!(localizer.snapshot().nodes[2].visits.len(), NUM_VISITS + 1);
+        assert_eq!(answers(&localizer), expected);
+    }
+    let new = query_forms(&path);
+    assert_eq!(new.len(), old.len(), "the old one is gone: {new:?}");
+    assert!(new.contains(&neighbour), "nobody else's file is touched");
+
+    let other = cfg().with_selection(Selection::top(5).expect("some"));
+    let found = answers(&Localizer::open(&path, other.clone()).expect("opens"));
+    let whole = Localizer::new(map.snapshot(), other).expect("fits");
+    assert_eq!(found, answers(&whole));
+    assert_ne!(found, expected);
+    assert_eq!(query_forms(&path).len(), new.len() + 1);
+}
+
+#[test]
+fn where_no_query_form_can_be_written_the_map_opens_all_the_same() {
+    let (_folder, path, map) = stored(3);
+    let expected = answers(&Localizer::new(map.snapshot(), cfg()).expect("fits"));
+    Localizer::open(&path, cfg()).expect("opens");
+    let files = query_forms(&path);
+    // A folder in its place can be neither read nor replaced; permissions would not stop the superuser.
+    std::fs::remove_file(&files[0]).expect("removed");
+    std::fs::create_dir(&files[0]).expect("made");
+    let localizer = Localizer::open(&path, cfg()).expect("opens");
+    assert_eq!(answers(&localizer), expected);
+    assert_eq!(query_forms(&path), files, "no part is left behind");
+    assert!(files[0].is_dir());
+}
+
+#[test]
+fn methods_and_models_without_a_query_form_open_as_always() {
+    let (_folder, path, map) = stored(3);
+    for method in [Method::Static, Method::ExperienceAll] {
+        let cfg = cfg().with_method(method);
+        let expected = answers(&Localizer::new(map.snapshot(), cfg.clone()).expect("fits"));
+        let localizer = Localizer::open(&path, cfg).expect("opens");
+        assert_eq!(answers(&localizer), expected, "{method}");
+        assert!(query_forms(&path).is_empty(), "{method}");
+    }
+    let missing = Localizer::open(path.with_extension("none"), cfg()).expect_err("no map");
+    assert!(missing.to_string().contains("town.none"), "{missing}");
+}

@@ -16,7 +16,7 @@
 //! which is what `localize` adds up: p(t) is how likely it is seen here, q how likely something like it is seen
 //! elsewhere. t runs over [`NUM_TIMES`] moments of the year after the last visit. n is how often it could have been
 //! seen *after* its birth (a birth is no evidence) and `p_place` the rate of all features of the place, so that one that
-//! was born yesterday is neither despised nor taken at its only word. Of a feature younger than the model, p_model is
+//! was born yesterday is neither despised nor taken at its only word. Of a feature younger than the model, `p_model` is
 //! its plain rate.
 //!
 //! *Visits* go by lot, not by age: of those before the newest quarter, the ones with the smallest identities stay.

@@ -360,7 +360,6 @@ fn fail_in_turn(path: &Path) {
                 }
                 num_good += 1;
             }
-            println!("{fault:?}, goes on: {goes_on}: {num_good} times, {num_refused} refused");
             assert!(num_good >= 2 && num_refused >= 2, "{fault:?} never struck");
         }
     }

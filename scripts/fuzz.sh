@@ -3,7 +3,7 @@
 #
 # Usage: [SECONDS_EACH=600] scripts/fuzz.sh [TARGET...]
 # Needs a nightly compiler and `cargo install cargo-fuzz`; the corpus grows in fuzz/corpus (ignored by git). What is
-# found lies in fuzz/artifacts and ends this with 1. The last lines are a table for CONTRIBUTING.md.
+# found lies in fuzz/artifacts and ends this with 1. The last lines are a table of what was reached.
 set -u
 cd "$(dirname "$0")/.." || exit 2
 

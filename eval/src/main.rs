@@ -1,7 +1,7 @@
 //! The command `chronotope-eval`; see `chronotope-eval --help`.
 #![allow(clippy::print_stdout)] // reason: tables are this command's output.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
@@ -244,8 +244,8 @@ fn main_of(args: Args) -> Result<()> {
                 python,
                 only_temporal,
                 out,
+                command: speed_command(record.as_deref()),
                 record,
-                command: command_line(),
             };
             let report = speed::run(&options)?;
             print!("{}", speed::render(&report));
@@ -256,6 +256,13 @@ fn main_of(args: Args) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// The command as typed; what is kept with the sources names no folders of one machine.
+fn speed_command(record: Option<&Path>) -> String {
+    record.map_or_else(command_line, |_| {
+        "make speed DATA=DIR RECORD=DIR".to_owned()
+    })
 }
 
 /// The command as typed, with the program's name instead of its path.

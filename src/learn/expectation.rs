@@ -5,6 +5,9 @@
 //! used: features that a budget forgot are left out, and those that stayed keep their p(t) under their new number,
 //! because p(t) of a feature depends on its own history alone. So what a budget forgets costs no fit.
 //!
+//! So what a budget forgets may depend on when the process that learns was started: a new one begins with a fresh
+//! fit.
+//!
 //! Features that were born since have no p(t) here: `guard` does not ask for them, and `budget` takes their plain rate.
 //!
 //! A fit is O(visits * features), and there is one in an eighth as many visits: O(features) a visit on average.

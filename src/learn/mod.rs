@@ -47,8 +47,8 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::feature::{Features, FeaturesView, GrayImage};
 use crate::localize::Score;
 use crate::map::{
-    AppearanceUse, Doubt, Held, HeldVisit, MapMeta, MaskRuns, Node, PlaceKey, Reobservation,
-    SessionId, Snapshot, Visit, VisitId, features_digest,
+    AppearanceUse, Doubt, Held, HeldVisit, MAX_TEXT_BYTES, MapMeta, MaskRuns, Node, PlaceKey,
+    Reobservation, SessionId, Snapshot, Visit, VisitId, features_digest,
 };
 use crate::matching::{
     Displacement, Match, MatchScratch, Matcher, VoteScratch, displacements_into, vote_displacement,
@@ -519,6 +519,16 @@ impl Learner {
     /// The visit without its appearance, if it fits the map.
     fn check(&self, observation: &Observation<'_>) -> Result<Visit> {
         let (width, height) = observation.image_size;
+        if observation.source.len() > MAX_TEXT_BYTES {
+            return Err(Error::new(
+                ErrorKind::Shape,
+                format!(
+                    "the source of a visit has {} bytes, but a map keeps {MAX_TEXT_BYTES}",
+                    observation.source.len()
+                ),
+            )
+            .with_help("name the image by a shorter path"));
+        }
         check_size(&self.snapshot.meta, observation.image_size)
             .map_err(|error| error.with_path(&observation.source))?;
         if let Some(mask) = observation.mask

@@ -33,7 +33,7 @@ use sha2::{Digest, Sha256};
 
 use super::candidates::Finder;
 use super::forecast::Forecasts;
-use super::{Calibration, Localizer, LocalizerConfig, Plan};
+use super::{Calibration, Localizer, LocalizerConfig, Plan, calibration};
 use crate::error::Result;
 use crate::feature::{Descriptor, Features, Keypoint, Rect};
 use crate::map::{
@@ -98,7 +98,9 @@ impl Localizer {
     ///
     /// As [`Localizer::new`] on the snapshot of [`Map::open_read_only`], with the same answers; but once there
     /// is a query form, the file is not read as a whole, and what is left of kept appearances is that they
-    /// were kept. Fails as these two do; that a query form cannot be written is no failure.
+    /// were kept: its snapshot is for localising, not for committing, and a calibration that is attached to it
+    /// ([`Localizer::to_attachment`]) does not fit the map. Fails as these two do; that a query form cannot be
+    /// written is no failure.
     pub fn open(path: impl AsRef<Path>, cfg: LocalizerConfig) -> Result<Self> {
         let path = path.as_ref();
         if !cfg.method().predicts() {
@@ -227,6 +229,7 @@ impl Localizer {
 fn fingerprint(stamp: Stamp, cfg: &LocalizerConfig) -> Fingerprint {
     let mut sha = Sha256::new();
     sha.update(VERSION.to_le_bytes());
+    sha.update(calibration::VERSION.to_le_bytes());
     sha.update(env!("CARGO_PKG_VERSION"));
     sha.update(stamp.generation.to_le_bytes());
     sha.update(stamp.digest);
@@ -262,7 +265,8 @@ fn digits(hash: &Fingerprint) -> String {
     format!("{first:016x}")
 }
 
-/// Removes the query forms of other generations of the map; nothing else is named like them.
+/// Removes the query forms of other generations of the map, and what is left of some that were never finished;
+/// nothing else is named like them.
 fn remove_older(map: &Path, stamp: Stamp) {
     let (Some(name), Some(folder)) = (map.file_name().and_then(|it| it.to_str()), map.parent())
     else {
@@ -281,7 +285,9 @@ fn remove_older(map: &Path, stamp: Stamp) {
         let other = entry.file_name();
         let generation = (other.to_str())
             .and_then(|other| other.strip_prefix(name)?.strip_prefix('.'))
-            .and_then(|rest| rest.strip_suffix(".query")?.split_once('.'));
+            .and_then(|rest| rest.rsplit_once('.'))
+            .filter(|(_, kind)| *kind == "query" || kind.starts_with("part"))
+            .and_then(|(hashes, _)| hashes.split_once('.'));
         let is_hash =
             |text: &str| text.len() == 16 && text.bytes().all(|byte| byte.is_ascii_hexdigit());
         if let Some((generation, cfg)) = generation
@@ -336,6 +342,14 @@ fn parse(file: &[u8], fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Optio
         return None;
     }
     let contents: Contents = serde_json::from_slice(contents).ok()?;
+    // One after the other, so that no bytes are read twice.
+    let mut end = HEAD_BYTES as u64;
+    for block in &contents.blocks {
+        if block.start != end {
+            return None;
+        }
+        end = end.checked_add(block.len)?;
+    }
     let blocks = (contents.blocks.par_iter())
         .map(|block| read_block(file, block, &contents.rhythms))
         .collect::<Option<Vec<_>>>()?;
@@ -493,7 +507,8 @@ impl<'a> Reader<'a> {
 
     fn f64s(&mut self, count: usize) -> Option<Vec<f64>> {
         let records = self.records::<8>(count)?;
-        Some(records.iter().copied().map(f64::from_le_bytes).collect())
+        let numbers = records.iter().copied().map(f64::from_le_bytes);
+        numbers.map(|it| it.is_finite().then_some(it)).collect()
     }
 
     fn text(&mut self) -> Option<&'a str> {
@@ -513,14 +528,16 @@ impl<'a> Reader<'a> {
             .map(|record| {
                 let number =
                     |at: usize| f32::from_le_bytes(std::array::from_fn(|i| record[4 * at + i]));
-                Keypoint {
-                    x: number(0),
-                    y: number(1),
-                    size: number(2),
-                    response: number(3),
-                }
+                let numbers = [number(0), number(1), number(2), number(3)];
+                let [x, y, size, response] = numbers;
+                (numbers.iter().all(|it| it.is_finite())).then_some(Keypoint {
+                    x,
+                    y,
+                    size,
+                    response,
+                })
             })
-            .collect();
+            .collect::<Option<_>>()?;
         let descriptors = (self.records::<32>(count)?.iter())
             .map(|&record| Descriptor::from_bytes(record))
             .collect();

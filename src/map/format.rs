@@ -16,7 +16,7 @@ pub(super) const VERSION: u32 = 2;
 /// Features of one place, at most; experiences, too.
 pub(super) const MAX_FEATURES: usize = 1 << 20;
 /// Bytes of one text, at most.
-pub(super) const MAX_TEXT_BYTES: usize = 4096;
+pub(crate) const MAX_TEXT_BYTES: usize = 4096;
 /// Bytes of the name of an attachment, at most.
 pub(super) const MAX_ATTACHMENT_NAME_BYTES: usize = 64;
 /// Bytes of an attachment, at most.

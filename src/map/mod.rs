@@ -28,6 +28,7 @@ mod verify;
 pub use building::Summary;
 pub use digest::ContentDigest;
 pub use file_storage::{FileStorageMap, read_file_storage};
+pub(crate) use format::MAX_TEXT_BYTES;
 pub use held::{ClockFault, Doubt, Held, HeldVisit, MaskRuns};
 pub use identity::{derived_uuid, features_digest, random_uuid};
 pub use load::{Fault, Generation};

@@ -1016,8 +1016,8 @@ impl HeldBuild {
 
     /// Presses Ctrl-C, lets the image through once that has arrived, and waits for the end.
     fn interrupt(mut self) -> (Fixture, usize, Ran) {
-        let sent = Command::new("kill")
-            .args(["-INT", &self.process.id().to_string()])
+        let sent = Command::new("sh")
+            .args(["-c", "kill -INT \"$0\"", &self.process.id().to_string()])
             .status();
         assert!(sent.expect("kill is there").success());
         let mut stderr = BufReader::new(self.process.stderr.take().expect("piped"));

@@ -378,6 +378,21 @@ fn an_attached_calibration_is_taken_while_it_fits_and_never_otherwise() {
 }
 
 #[test]
+fn a_source_that_no_map_can_keep_is_refused_before_it_is_learnt() {
+    let mut learner = learner(Preset::Default, KeepAppearances::All);
+    let before = learner.snapshot().expect("fits together");
+    let seen = &street().query[0];
+    let long = Observation {
+        source: "x".repeat(5000),
+        ..observation(seen)
+    };
+    let error = learner.observe(&long).expect_err("too long");
+    assert_eq!(error.kind(), ErrorKind::Shape);
+    assert!(error.to_string().contains("help:"), "{error}");
+    assert_eq!(learner.snapshot().expect("fits together"), before);
+}
+
+#[test]
 fn a_map_of_single_visits_is_calibrated_by_assumption() {
     let mut learner = Learner::new(
         LearnConfig::default(),

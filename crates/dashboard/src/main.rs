@@ -20,7 +20,7 @@ const LOCAL_VIEWER: &str = "rerun+http://127.0.0.1:9876/proxy";
 /// Traces that are read ahead of the recording.
 const READ_AHEAD: usize = 16;
 /// How long a pipe may go on after Ctrl-C, which its writer has received as well and ends by.
-const GRACE: Duration = Duration::from_secs(2);
+const GRACE: Duration = Duration::from_secs(5);
 const POLL: Duration = Duration::from_millis(100);
 
 /// Shows what Chronotope believed and why: turns traces into recordings for the rerun viewer.

@@ -172,9 +172,9 @@ fn ctrl_c_finishes_the_file_though_the_pipe_stays_open() {
     pipe.write_all(Street::new().lines().as_bytes()).unwrap();
     pipe.flush().unwrap();
     // All lines are in the pipe; what is left after the signal is read before it ends.
-    std::thread::sleep(Duration::from_secs(2));
-    let killed = Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
+    std::thread::sleep(Duration::from_secs(5));
+    let killed = Command::new("sh")
+        .args(["-c", "kill -INT \"$0\"", &child.id().to_string()])
         .status()
         .unwrap();
     assert!(killed.success());

@@ -32,6 +32,7 @@ mod temper;
 
 pub use curve::Curve;
 pub use store::ATTACHMENT;
+pub(super) use store::VERSION;
 use temper::Asked;
 pub use temper::Temper;
 

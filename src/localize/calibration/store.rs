@@ -25,7 +25,7 @@ use crate::predict::Selection;
 pub const ATTACHMENT: &str = "calibration";
 
 /// Grows when what is stored changes its meaning.
-const VERSION: u32 = 2;
+pub(in crate::localize) const VERSION: u32 = 2;
 
 /// A SHA-256.
 type Key = [u8; 32];

@@ -415,19 +415,11 @@ impl Localizer {
         expectation: Option<&Expectation>,
     ) {
         let vote = verify.vote(&self.cfg, matches, ranked, live);
-        let inliers = verify.vote.inliers();
         let known = self.calibration.as_deref().zip(expectation);
         let log_odds = known.map_or(0.0, |(calibration, expectation)| {
-            let num_strays = matches.len() - vote.num_inliers as usize;
-            expectation.log_odds(
-                calibration,
-                &mut verify.hits,
-                matches,
-                inliers,
-                &vote,
-                num_strays,
-            )
+            verify.log_odds(calibration, expectation, matches, &vote)
         });
+        let inliers = verify.vote.inliers();
         candidate.hear(&self.cfg, visit, matches, inliers, &vote, log_odds);
     }
 
@@ -652,6 +644,26 @@ impl Plan {
 }
 
 impl Verify {
+    /// What `matches` say whose displacements were voted on last, with the outcome `vote`.
+    fn log_odds(
+        &mut self,
+        calibration: &Calibration,
+        expectation: &Expectation,
+        matches: &[Match],
+        vote: &Vote,
+    ) -> f64 {
+        let num_strays = matches.len() - vote.num_inliers as usize;
+        let inliers = self.vote.inliers();
+        expectation.log_odds(
+            calibration,
+            &mut self.hits,
+            matches,
+            inliers,
+            vote,
+            num_strays,
+        )
+    }
+
     /// Finds the displacement that most `matches` agree on.
     fn vote(
         &mut self,

@@ -224,17 +224,8 @@ impl Localizer {
                 count: matches.len() as u32,
                 inliers: vote.num_inliers,
                 log_odds: self.calibration.as_ref().map_or(0.0, |calibration| {
-                    let inliers = verify.vote.inliers();
                     expectation.settle(sizes[size]);
-                    let num_strays = matches.len() - vote.num_inliers as usize;
-                    expectation.log_odds(
-                        calibration,
-                        &mut verify.hits,
-                        matches,
-                        inliers,
-                        &vote,
-                        num_strays,
-                    )
+                    verify.log_odds(calibration, expectation, matches, &vote)
                 }),
             };
         });

@@ -334,13 +334,10 @@ fn parse(file: &[u8], fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Optio
     let found: &[u8; HEAD_BYTES] = file.first_chunk()?;
     let mut reader = Reader(&found[48..]);
     let (start, crc) = (reader.u64()?, reader.u32()?);
-    if *found != head(fingerprint, start, crc) {
+    if *found != head(fingerprint, start, crc) && !cfg!(fuzzing) {
         return None;
     }
-    let contents = file.get(usize::try_from(start).ok()?..)?;
-    if crc32fast::hash(contents) != crc {
-        return None;
-    }
+    let contents = checked(file.get(usize::try_from(start).ok()?..)?, crc)?;
     let contents: Contents = serde_json::from_slice(contents).ok()?;
     // One after the other, so that no bytes are read twice.
     let mut end = HEAD_BYTES as u64;
@@ -397,6 +394,11 @@ fn parse(file: &[u8], fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Optio
     })
 }
 
+/// The bytes, if this is their checksum; a fuzzer, which cannot guess it, gets behind it.
+fn checked(bytes: &[u8], crc: u32) -> Option<&[u8]> {
+    (cfg!(fuzzing) || crc32fast::hash(bytes) == crc).then_some(bytes)
+}
+
 fn read_block(
     file: &[u8],
     block: &Block,
@@ -404,11 +406,7 @@ fn read_block(
 ) -> Option<Vec<(Node, Plan)>> {
     let start = usize::try_from(block.start).ok()?;
     let end = start.checked_add(usize::try_from(block.len).ok()?)?;
-    let bytes = file.get(start..end)?;
-    if crc32fast::hash(bytes) != block.crc {
-        return None;
-    }
-    let mut reader = Reader(bytes);
+    let mut reader = Reader(checked(file.get(start..end)?, block.crc)?);
     let places = (0..block.num_places)
         .map(|_| reader.place(rhythms))
         .collect::<Option<Vec<_>>>()?;

@@ -255,7 +255,8 @@ impl<'a> Row<'a> {
                 "a checksum is an integer of 32 bits".into(),
             ));
         };
-        if stored == computed {
+        // A fuzzer cannot guess checksums, and what lies behind them must be sound as well.
+        if stored == computed || cfg!(fuzzing) {
             return Ok(());
         }
         let message = format!("the checksum is {computed:08x}, not {stored:08x} as written");
@@ -1009,7 +1010,7 @@ impl Generation {
                 return Err(fault(column, ErrorKind::Format, message));
             }
         }
-        if self.digest == found.digest {
+        if self.digest == found.digest || cfg!(fuzzing) {
             Ok(())
         } else {
             let message = "the rows are not those that were committed".to_string();

@@ -21,7 +21,7 @@ use serde::de::DeserializeOwned;
 type Target = fn(&[u8]);
 
 /// Every target by its name.
-const TARGETS: [(&str, Target); 9] = [
+const TARGETS: [(&str, Target); 10] = [
     ("map_file", map_file),
     ("index_csv", index_csv),
     ("manifest", manifest),
@@ -31,6 +31,7 @@ const TARGETS: [(&str, Target); 9] = [
     ("attachment", attachment),
     ("exported_folder", exported_folder),
     ("file_storage", file_storage),
+    ("query_form", query_form),
 ];
 
 /// What other rooms keep with a map, as the first byte of an input of [`attachment`] numbers them.
@@ -304,6 +305,34 @@ pub(crate) fn exported_folder(bytes: &[u8]) {
         assert!(snapshot.check().is_ok());
         let map = Map::create(folder.path().join("a.map"), snapshot.meta.clone()).expect("new");
         map.commit(&snapshot).expect("sound");
+    }
+}
+
+/// The query form beside a map: whatever it is, the map opens and answers.
+pub(crate) fn query_form(bytes: &[u8]) {
+    static FORM: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
+    let cfg = LocalizerConfig::preset(Preset::Default);
+    let (folder, form) = FORM.get_or_init(|| {
+        let folder = folder();
+        let map = folder.path().join("a.map");
+        std::fs::copy(repository("maps/golden/format-2.map"), &map).expect("writable");
+        Localizer::open(&map, LocalizerConfig::preset(Preset::Default)).expect("a map");
+        let is_form = |path: &PathBuf| path.extension().is_some_and(|it| it == "query");
+        let entries = std::fs::read_dir(folder.path()).expect("readable");
+        let mut files = entries.map(|entry| entry.expect("readable").path());
+        let form = files.find(is_form).expect("kept");
+        (folder, form)
+    });
+    std::fs::write(form, bytes).expect("writable");
+    let localizer = Localizer::open(folder.path().join("a.map"), cfg).expect("a sound map");
+    let mut scratch = localizer.scratch();
+    for node in &localizer.snapshot().nodes {
+        let query = Query {
+            features: &node.features,
+            time: Some(Time::from_s(1_700_000_000)),
+            image_size: localizer.snapshot().meta.image_size,
+        };
+        drop(localizer.localize(&mut scratch, &query));
     }
 }
 

@@ -20,6 +20,7 @@ pub mod run;
 pub mod series;
 pub mod several;
 pub mod soak;
+pub mod soak_live;
 pub mod speed;
 pub mod suite;
 pub mod table;

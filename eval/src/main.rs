@@ -10,6 +10,7 @@ use chronotope_eval::report::{self, ReportInput};
 use chronotope_eval::results::SuiteResults;
 use chronotope_eval::run::{RunOptions, run};
 use chronotope_eval::soak::{self, SoakOptions};
+use chronotope_eval::soak_live::{self, LiveOptions};
 use chronotope_eval::speed::{self, SpeedOptions};
 use chronotope_eval::suite::Suite;
 use chronotope_eval::{compare, replay, series, table};
@@ -105,6 +106,8 @@ enum Command {
     },
     /// Visits one place of the rendered street again and again: size, memory, time and accuracy in tenths.
     Soak(SoakOptions),
+    /// Drives round the rendered street for an hour, learning while it localises, with a camera and a clock that fail.
+    SoakLive(LiveOptions),
 }
 
 /// What the queries of a suite can be watched again by.
@@ -226,6 +229,7 @@ fn main_of(args: Args) -> Result<()> {
             println!("{}", compare_pooled(&runs, &n)?);
         }
         Command::Soak(options) => print!("{}", soak::run(&options)?),
+        Command::SoakLive(options) => print!("{}", soak_live::run(&options)?),
         Command::Speed {
             data,
             nodes,

@@ -209,10 +209,7 @@ impl<'a> Soak<'a> {
 
     fn store(&mut self) -> Result<()> {
         self.map.replace(&*self.learner.snapshot()?)?;
-        let newest = self.map.generations()?.into_iter().rev();
-        let kept = newest.take(KEPT_GENERATIONS).map(|it| it.number).collect();
-        self.map.prune(&kept)?;
-        Ok(())
+        keep_newest(&self.map)
     }
 
     fn part(&mut self, num_held: usize, mut observe_us: Vec<f64>) -> Result<Part> {
@@ -236,12 +233,7 @@ impl<'a> Soak<'a> {
                 num_wrong += usize::from(!is_right);
             }
         }
-        observe_us.sort_by(f64::total_cmp);
-        let quantile = |share: f64| {
-            let at = (share * observe_us.len() as f64) as usize;
-            let last = observe_us.len().saturating_sub(1);
-            observe_us.get(at.min(last)).copied().unwrap_or_default()
-        };
+        let mut quantile = |share| quantile(&mut observe_us, share);
         let first = &snapshot.nodes[0];
         Ok(Part {
             num_features: first.features.len(),
@@ -282,13 +274,29 @@ impl<'a> Soak<'a> {
     }
 }
 
-fn extract(world: &World, place: usize, time: Time, number: u64) -> Result<Features> {
+/// Prunes all generations of a map but the newest few.
+pub(crate) fn keep_newest(map: &Map) -> Result<()> {
+    let newest = map.generations()?.into_iter().rev();
+    let kept = newest.take(KEPT_GENERATIONS).map(|it| it.number).collect();
+    map.prune(&kept)?;
+    Ok(())
+}
+
+/// The value below which this share lies; 0 of nothing.
+pub(crate) fn quantile(values: &mut [f64], share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let at = (share * values.len() as f64) as usize;
+    let last = values.len().saturating_sub(1);
+    values.get(at.min(last)).copied().unwrap_or_default()
+}
+
+pub(crate) fn extract(world: &World, place: usize, time: Time, number: u64) -> Result<Features> {
     let extractor = ExtractorConfig::default().build()?;
     Ok(extractor.extract(&world.render(place, time, number), None)?)
 }
 
 /// Memory of this process that is in RAM, where Linux tells.
-fn memory_bytes() -> Option<u64> {
+pub(crate) fn memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status
         .lines()

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use chronotope_eval::compare_pooled::{POOLED_SUITES, compare_pooled};
 use chronotope_eval::report::{self, ReportInput};
 use chronotope_eval::results::SuiteResults;
@@ -12,7 +12,7 @@ use chronotope_eval::run::{RunOptions, run};
 use chronotope_eval::soak::{self, SoakOptions};
 use chronotope_eval::soak_live::{self, LiveOptions};
 use chronotope_eval::speed::{self, SpeedOptions};
-use chronotope_eval::suite::Suite;
+use chronotope_eval::suite::{Protocol, Suite};
 use chronotope_eval::{compare, replay, series, table};
 use clap::{Parser, Subcommand};
 
@@ -51,6 +51,9 @@ enum Command {
         /// Show this number of features in detail.
         #[arg(long)]
         n: Option<u32>,
+        /// Suites of series: the share of samples that thinning keeps [default: the suite's].
+        #[arg(long)]
+        share: Option<f64>,
         #[command(flatten)]
         replays: Replays,
     },
@@ -173,14 +176,19 @@ fn main_of(args: Args) -> Result<()> {
             out,
             cache,
             n,
+            share,
             replays,
         } => {
             let suite = Suite::find(&suite)?;
             replays.check(&suite)?;
+            if share.is_some() && !matches!(suite.protocol, Protocol::Series { .. }) {
+                bail!("--share is for suites of series; `{}` is none", suite.name);
+            }
             let options = RunOptions {
                 data,
                 cache: cache.unwrap_or_else(|| out.join("cache")),
                 out,
+                share,
                 command: command_line(),
             };
             std::fs::create_dir_all(&options.out)

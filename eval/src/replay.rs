@@ -200,6 +200,7 @@ mod tests {
             data: None,
             out: "target".into(),
             cache: "target".into(),
+            share: None,
             command: String::new(),
         }
     }

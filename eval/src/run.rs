@@ -33,6 +33,8 @@ pub struct RunOptions {
     pub out: PathBuf,
     /// Where extracted features are kept from run to run.
     pub cache: PathBuf,
+    /// Of a series' suite: the share of samples that thinning keeps, in place of the suite's.
+    pub share: Option<f64>,
     /// The command line, for the report.
     pub command: String,
 }

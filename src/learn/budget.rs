@@ -21,9 +21,15 @@
 //!
 //! *Visits* go by lot, not by age: of those before the newest quarter, the ones with the smallest identities stay.
 //! An identity is a hash, so what stays is a uniform sample of the past, whatever its rhythms, and the same
-//! one wherever it is drawn. `Deviation:` the history beyond the horizon is thinned, not folded into sums: every
-//! model is fitted from the log, and only some could go on from sums. The newest quarter weighs more than
-//! its share of time.
+//! one wherever it is drawn. The newest quarter weighs more than its share of time.
+//!
+//! `Deviation:` the history beyond the horizon is thinned, not folded into sums, because here
+//! sums are the larger of the two. The default model needs 15 of 8 bytes a feature, as much as its states at 960
+//! visits, and 120 products of 8 bytes for each group of features of one age. A log serves every model, is merged by
+//! identity, and can be judged on held-out days. What the sample costs was measured where far more is known
+//! (Brier score of `natural`, `chronotope-eval run door2016 --share 0.005` and so on): a door from 96,480 visits
+//! .0680, from 496 of them by lot .0680, from 204 .0720; ten rooms from 120,960 visits .0491, from 622 .0497, from 252
+//! .0504; by the mean alone .0899 and .0713.
 //!
 //! Bytes are those of features, logs and appearances in memory ([`Node::num_bytes`]). Where they are exceeded,
 //! features and visits go in the same proportion; where the whole map exceeds its bytes, at every place.

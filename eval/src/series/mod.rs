@@ -13,7 +13,7 @@ mod spectrum;
 
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use chronotope::{Period, Time};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -189,6 +189,10 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Option<SeriesResults>>
         )
     })?;
     let material = data::read(form, data)?;
+    let share = options.share.unwrap_or(share);
+    if !(share > 0.0 && share <= 1.0) {
+        bail!("--share must be above 0 and at most 1, not {share}");
+    }
     let mut results = judge(suite, &material, share)?;
     results.commit = commit();
     results.machine = machine();

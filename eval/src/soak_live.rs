@@ -14,25 +14,20 @@
 //! Times are of the machine it runs on.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow, bail};
 use chronotope::Time;
-use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
+use chronotope::dataset::synthetic::World;
 use chronotope::feature::{Extractor, ExtractorConfig, Features, GrayImage};
-use chronotope::learn::{
-    BudgetConfig, Circumstances, GuardConfig, LearnConfig, Learner, Observation,
-};
+use chronotope::learn::{Circumstances, Learner, Observation};
 use chronotope::localize::{Decision, Localization, Localizer, LocalizerConfig, Preset, Query};
-use chronotope::map::{Map, MapMeta, PlaceKey, SessionId, derived_uuid};
+use chronotope::map::{Map, PlaceKey, SessionId};
 
-use crate::soak::{extract, keep_newest, memory_bytes, quantile};
+use crate::soak::{Street, StreetOptions, commit, memory_bytes, quantile};
 
-/// Visits of each place in the year before.
-const NUM_FIRST: usize = 40;
 /// Rows of the table.
 const NUM_PARTS: usize = 12;
 /// Images that wait for the robot, and for the student.
@@ -57,21 +52,9 @@ pub struct LiveOptions {
     /// Seconds that pass in the street in one second.
     #[arg(long, default_value_t = 24.0)]
     pub clock_rate: f64,
-    /// Seed of the street.
-    #[arg(long, default_value_t = 1)]
-    pub seed: u64,
-    /// Places of the street.
-    #[arg(long = "places", default_value_t = 8)]
-    pub num_places: usize,
-    /// Features that a place may have.
-    #[arg(long, default_value_t = 1_500)]
-    pub features_per_place: usize,
-    /// Visits that a place may remember.
-    #[arg(long, default_value_t = 200)]
-    pub visits_per_place: usize,
-    /// Where soak-live.txt and the map are written.
-    #[arg(long, default_value = "target/soak")]
-    pub out: PathBuf,
+    /// Where.
+    #[command(flatten)]
+    pub street: StreetOptions,
 }
 
 /// What goes wrong.
@@ -136,7 +119,6 @@ struct Lesson {
     now: Time,
     stamp: Time,
     features: Features,
-    image_size: (u32, u32),
     gray_range: Option<(u8, u8)>,
 }
 
@@ -195,6 +177,7 @@ impl Shared {
 struct Drive<'a> {
     options: &'a LiveOptions,
     world: World,
+    image_size: (u32, u32),
     shared: Shared,
 }
 
@@ -207,14 +190,19 @@ pub fn run(options: &LiveOptions) -> Result<String> {
     {
         bail!("--minutes, --rate and --clock-rate must be above 0");
     }
-    let world = World::new(&WorldConfig::new(options.seed).num_places(options.num_places))?;
+    let (street, _) = Street::known(&options.street, "soak-live")?;
+    let Street {
+        world,
+        learner,
+        map,
+        image_size,
+    } = street;
     let extractor = ExtractorConfig::default().build()?;
-    let (learner, map) = first_year(options, &world, &extractor.id())?;
-    let known = map.snapshot();
-    let localizer = Localizer::new(known, LocalizerConfig::preset(Preset::Default))?;
+    let localizer = Localizer::new(map.snapshot(), LocalizerConfig::preset(Preset::Default))?;
     let drive = Drive {
         options,
         world,
+        image_size,
         shared: Shared {
             localizer: Mutex::new(Arc::new(localizer)),
             parts: Mutex::new(vec![Part::default(); NUM_PARTS]),
@@ -236,50 +224,9 @@ pub fn run(options: &LiveOptions) -> Result<String> {
         Ok::<(), anyhow::Error>(())
     })?;
     let table = drive.table()?;
-    let path = options.out.join("soak-live.txt");
+    let path = options.street.out.join("soak-live.txt");
     std::fs::write(&path, &table).with_context(|| format!("cannot write {}", path.display()))?;
     Ok(table)
-}
-
-/// A learner and a map that know the street from the year before.
-fn first_year(options: &LiveOptions, world: &World, extractor: &str) -> Result<(Learner, Map)> {
-    let budget = BudgetConfig::default()
-        .with_features_per_place(options.features_per_place)
-        .with_visits_per_place(options.visits_per_place);
-    let cfg = LearnConfig::default().with_budget(budget)?;
-    let seed = format!("soak live {}", options.seed);
-    let meta = MapMeta::new(derived_uuid(&seed), extractor, "default");
-    std::fs::create_dir_all(&options.out)
-        .with_context(|| format!("cannot create {}", options.out.display()))?;
-    let path = options.out.join("soak-live.map");
-    if path.exists() {
-        std::fs::remove_file(&path)
-            .with_context(|| format!("cannot replace {}", path.display()))?;
-    }
-    let mut learner = Learner::new(cfg.clone(), meta.clone());
-    for time in Schedule::standard(options.seed, NUM_FIRST, 1).learn {
-        for (number, place) in world.places().iter().enumerate() {
-            learner.observe(&Observation {
-                place: place.clone(),
-                session: SessionId::derive("the year before"),
-                time,
-                features: &extract(world, number, time, 0)?,
-                image_size: image_size(world),
-                mask: None,
-                source: String::new(),
-            })?;
-        }
-    }
-    let map = Map::create(path, meta)?;
-    map.replace(&*learner.snapshot()?)?;
-    let known = (*map.snapshot()).clone();
-    let learner = Learner::resume(cfg.with_guard(GuardConfig::default()), known)?;
-    Ok((learner, map))
-}
-
-fn image_size(world: &World) -> (u32, u32) {
-    let image = world.render(0, Time::from_s(0), 0);
-    (image.width() as u32, image.height() as u32)
 }
 
 impl Drive<'_> {
@@ -299,12 +246,12 @@ impl Drive<'_> {
             std::thread::sleep(due.saturating_duration_since(Instant::now()));
             let part = tick * NUM_PARTS / num_ticks;
             let now = start.plus_us((at_s * self.options.clock_rate * 1e6) as i64);
-            let place = tick / STAY_IMAGES % self.options.num_places;
+            let place = tick / STAY_IMAGES % self.options.street.num_places;
             let trouble = Trouble::at(tick as f64 / num_ticks as f64);
             let image = match trouble {
                 Some(Trouble::NoImages) => continue,
                 Some(Trouble::Black) => {
-                    let (width, height) = image_size(&self.world);
+                    let (width, height) = self.image_size;
                     let (width, height) = (width as usize, height as usize);
                     GrayImage::new(width, height, vec![3; width * height])?
                 }
@@ -345,11 +292,10 @@ impl Drive<'_> {
                 scratch = localizer.scratch();
             }
             let features = extractor.extract(&frame.image, None)?;
-            let image_size = (frame.image.width() as u32, frame.image.height() as u32);
             let query = Query {
                 features: &features,
                 time: Some(frame.stamp),
-                image_size: Some(image_size),
+                image_size: Some(self.image_size),
             };
             localizer.localize_into(&mut scratch, &query, &mut answer)?;
             let answer_us = frame.taken.elapsed().as_secs_f64() * 1e6;
@@ -386,7 +332,6 @@ impl Drive<'_> {
                 stamp: frame.stamp,
                 gray_range: frame.image.gray_range(None),
                 features,
-                image_size,
             };
             match to_student.try_send(lesson) {
                 Ok(()) => {}
@@ -411,7 +356,7 @@ impl Drive<'_> {
                 session,
                 time: lesson.stamp,
                 features: &lesson.features,
-                image_size: lesson.image_size,
+                image_size: self.image_size,
                 mask: None,
                 source: String::new(),
             };
@@ -444,8 +389,7 @@ impl Drive<'_> {
     /// Commits what was learnt, and has the robot go on with it.
     fn publish(&self, learner: &mut Learner, map: &Map, now: Time) -> Result<()> {
         let snapshot = learner.snapshot()?;
-        map.replace(&snapshot)?;
-        keep_newest(map)?;
+        commit(map, &snapshot)?;
         let newer = self.shared.localizer().on_newer(snapshot)?;
         // So that no image waits for it.
         newer.anticipate(now);
@@ -474,11 +418,11 @@ impl Drive<'_> {
              {:>6} {:>6} {:>6} {:>15} {:>6} {:>5} {:>5} | {:>7} {:>7} {:>7} | {:>7} {:>7} | {:>6} {:>7} {:>8}  {}\n",
             options.minutes,
             options.rate,
-            options.num_places,
-            options.seed,
+            options.street.num_places,
+            options.street.seed,
             options.clock_rate,
-            options.features_per_place,
-            options.visits_per_place,
+            options.street.features_per_place,
+            options.street.visits_per_place,
             "minute",
             "images",
             "missed",
@@ -575,11 +519,13 @@ mod tests {
             minutes: 0.2,
             rate: 10.0,
             clock_rate: 24.0,
-            seed: 1,
-            num_places: 2,
-            features_per_place: 1_500,
-            visits_per_place: 200,
-            out: folder.path().to_owned(),
+            street: StreetOptions {
+                seed: 1,
+                num_places: 2,
+                features_per_place: 1_500,
+                visits_per_place: 200,
+                out: folder.path().to_owned(),
+            },
         };
         let table = run(&options).expect("it drives");
         assert_eq!(
@@ -589,6 +535,6 @@ mod tests {
         );
         let map = Map::open_read_only(folder.path().join("soak-live.map")).expect("kept");
         let num_visits = map.snapshot().summary().num_visits;
-        assert!(num_visits > 2 * NUM_FIRST, "{num_visits}\n{table}");
+        assert!(num_visits > 2 * 40, "{num_visits}\n{table}");
     }
 }

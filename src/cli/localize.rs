@@ -18,9 +18,9 @@ use crate::feature::{Extractor, ExtractorConfig, Features, GrayImage, LoadOption
 use crate::localize::trace::{Shot, Stage, TraceConfig, Tracer};
 use crate::localize::{
     Candidate, Decision, Localization, Localizer, LocalizerConfig, Method, MotionConfig, Preset,
-    Query, Score, Scratch, Tracker,
+    Query, QueryForm, Score, Scratch, Tracker,
 };
-use crate::map::{Map, NodeId, PlaceKey, Snapshot};
+use crate::map::{Map, MapMeta, NodeId, PlaceKey, Snapshot};
 use crate::predict::Selection;
 use crate::time::{Period, Time};
 
@@ -76,6 +76,11 @@ pub(super) struct LocalizeArgs {
     /// edges and counts too. The table [motion] of --config says how the robot moves.
     #[arg(long)]
     track: bool,
+    /// Whether to keep what is worked out of the map in a file beside it, MAP.*.query, so that the next
+    /// call starts at once: `auto` where that took more than a second. Answers are the same without, and
+    /// the files may be deleted at any time. The experience methods and --learn have none.
+    #[arg(long, value_name = "WHEN", default_value_t, value_parser = named::<QueryForm>(QueryForm::ALL.map(QueryForm::name)))]
+    query_form: QueryForm,
     /// One JSON object for each image.
     #[arg(long)]
     json: bool,
@@ -90,27 +95,29 @@ pub(super) struct LocalizeArgs {
 }
 
 pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
-    let open = |path: &Path| {
-        if args.learn {
-            Map::open(path)
-        } else {
-            Map::open_read_only(path)
-        }
+    // To learn takes the whole map; to localise, its query form will do.
+    let learnt = match &args.map {
+        Some(path) if args.learn => Some(Map::open(path)?),
+        _ => None,
     };
-    let map = args.map.as_deref().map(open).transpose()?;
-    let preset = (map.as_ref()).map_or(Preset::Default, |map| preset_of(&map.snapshot().meta));
+    let preset = match (&learnt, &args.map) {
+        (Some(map), _) => preset_of(&map.snapshot().meta),
+        (None, Some(path)) => preset_of(&MapMeta::read(path)?),
+        (None, None) => Preset::Default,
+    };
     let mut config = Config::read(args.config.config.as_deref(), preset)?;
     config.localize = args.change(config.localize)?;
     if args.config.print_config {
         out.line(config.to_toml()?.trim_end())?;
         return Ok(Outcome::Good);
     }
-    let Some(map) = map else {
+    let Some(path) = &args.map else {
         bail!("MAP is missing");
     };
     let needs_time = config.localize.method().needs_time();
     let (trace, results) = args.outputs(out)?;
-    let mut guide = Guide::new(&map, config.localize, args.mask.as_deref(), trace, results)?;
+    let localizer = open(path, learnt.as_ref(), config.localize, args.query_form)?;
+    let mut guide = Guide::new(path, localizer, args.mask.as_deref(), trace, results)?;
     if args.track {
         guide.track(config.motion)?;
     }
@@ -119,7 +126,7 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
         (false, 1) => Form::Sheet,
         (false, _) => Form::Line,
     };
-    if args.learn {
+    if let Some(map) = learnt {
         guide.student = Some(Student::new(map, config.learn, args.camera.is_some())?);
     }
     if args.learn || args.camera.is_some() {
@@ -271,19 +278,15 @@ struct Guide<'o> {
 
 impl<'o> Guide<'o> {
     fn new(
-        map: &Map,
-        cfg: LocalizerConfig,
+        map: &Path,
+        localizer: Localizer,
         mask: Option<&Path>,
         trace: Option<Sink>,
         out: &'o mut Output,
     ) -> Result<Self> {
-        let snapshot = map.snapshot();
-        let extractor = ExtractorConfig::from_id(&snapshot.meta.extractor)
+        let extractor = ExtractorConfig::from_id(&localizer.snapshot().meta.extractor)
             .and_then(|extractor| extractor.build())
-            .map_err(|error| error.with_path(map.path()).with_place("extractor"))?;
-        check_experiences(&snapshot, &cfg).map_err(|error| error.with_path(map.path()))?;
-        let localizer =
-            Localizer::new(snapshot, cfg).map_err(|error| error.with_path(map.path()))?;
+            .map_err(|error| error.with_path(map).with_place("extractor"))?;
         let mask = mask.map(|mask| load_mask(mask, &LoadOptions::default()));
         Ok(Self {
             scratch: localizer.scratch(),
@@ -448,6 +451,23 @@ fn both(a: Option<&GrayImage>, b: Option<&GrayImage>) -> crate::Result<Option<Gr
     let pixels = a.data().iter().zip(b.data());
     let pixels = pixels.map(|(&a, &b)| a.min(b)).collect();
     GrayImage::new(a.width(), a.height(), pixels).map(Some)
+}
+
+/// Opens the map at `path`, which is open already if it is to be learnt into.
+fn open(
+    path: &Path,
+    learnt: Option<&Map>,
+    cfg: LocalizerConfig,
+    form: QueryForm,
+) -> crate::Result<Localizer> {
+    let snapshot = match learnt {
+        Some(map) => map.snapshot(),
+        None if cfg.method().predicts() => return Localizer::open_by(path, cfg, form),
+        None => Map::open_read_only(path)?.snapshot(),
+    };
+    check_experiences(&snapshot, &cfg)
+        .and_then(|()| Localizer::new(snapshot, cfg))
+        .map_err(|error| error.with_path(path))
 }
 
 /// FreEx needs to know which experience would have located which visit.

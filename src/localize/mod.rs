@@ -46,6 +46,7 @@ use rayon::prelude::*;
 pub use calibration::{ATTACHMENT, Calibration, Curve, Temper};
 pub use config::{Candidates, Evidence, LocalizerConfig, Method, Preset, Score};
 pub use localization::{Candidate, Decision, EvidenceMatch, Localization, Reason};
+pub use query_form::QueryForm;
 pub use sweep::{Sweep, Tally};
 pub use tracking::{EdgeMotion, Motion, MotionConfig, Tracker, Transitions};
 

@@ -14,16 +14,20 @@
 //! fingerprint (32 bytes), where the contents begin (u64), their CRC-32 (u32), zero (u32). Then blocks of up
 //! to 64 places, each with a CRC-32 of its own so that threads read them side by side, then the contents:
 //! JSON of what holds for the whole map and of where each block lies. For each feature 32 bytes of
-//! descriptor, 16 of keypoint, and `8 + 18 l` of a model of order l; a bit for each of its visits.
+//! descriptor, 16 of keypoint, and `8 + 18 l` of a model of order l (the mean: 8); a bit for each of its
+//! visits.
 //!
 //! Kept appearances are left out, so a method that matches them has no query form, and neither has a map with
-//! a model that is no [`Fremen`].
+//! a model that is neither [`Fremen`] nor [`Mean`].
 
+use std::fmt;
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
@@ -34,7 +38,7 @@ use sha2::{Digest, Sha256};
 use super::candidates::Finder;
 use super::forecast::Forecasts;
 use super::{Calibration, Localizer, LocalizerConfig, Plan, calibration};
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
 use crate::feature::{Descriptor, Features, Keypoint, Rect};
 use crate::map::{
     AppearanceUse, Edge, Map, MapMeta, MappedFile, Node, PlaceKey, SessionId, Snapshot, Stamp,
@@ -44,7 +48,7 @@ use crate::matching::{BinaryWords, Matcher};
 use crate::predict::Witnesses;
 use crate::spectrum::CandidatePeriods;
 use crate::time::Time;
-use crate::visibility::{BitRow, Fremen, VisibilityModel, Visits};
+use crate::visibility::{BitRow, Fremen, Mean, VisibilityModel, Visits};
 
 const MAGIC: [u8; 8] = *b"CHRQUERY";
 /// Grows when bytes or what they lead to change their meaning.
@@ -54,9 +58,67 @@ const HEAD_BYTES: usize = 64;
 const PLACES_PER_BLOCK: usize = 64;
 /// Blocks that wait in memory to be written.
 const BLOCKS_PER_WAVE: usize = 16;
+/// In place of a set of rhythms, where a model is the mean.
+const NO_RHYTHMS: u32 = u32::MAX;
+/// A map that takes longer to open has a query form by [`QueryForm::Auto`].
+const SLOW: Duration = Duration::from_secs(1);
 
 /// Query forms that this process has begun to write, so that no two threads write to one file.
 static NUM_PARTS: AtomicU32 = AtomicU32::new(0);
+
+/// Whether a query form is kept beside a map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum QueryForm {
+    /// None is read or written.
+    Never,
+    /// One that is there is read; one is written where the map took more than a second to open without.
+    #[default]
+    Auto,
+    /// One that is there is read, else one is written.
+    Always,
+}
+
+impl QueryForm {
+    /// Every choice.
+    pub const ALL: [Self; 3] = [Self::Never, Self::Auto, Self::Always];
+
+    /// The name used in commands.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Never => "never",
+            Self::Auto => "auto",
+            Self::Always => "always",
+        }
+    }
+
+    /// Whether one is written of a map that took so long to open.
+    fn is_worth_writing(self, opening: Duration) -> bool {
+        match self {
+            Self::Never => false,
+            Self::Auto => opening > SLOW,
+            Self::Always => true,
+        }
+    }
+}
+
+impl FromStr for QueryForm {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<Self> {
+        let found = Self::ALL.into_iter().find(|form| form.name() == name);
+        found.ok_or_else(|| {
+            let names = Self::ALL.map(Self::name).join(", ");
+            Error::new(ErrorKind::Config, format!("there is no choice `{name}`"))
+                .with_help(format!("use one of {names}"))
+        })
+    }
+}
+
+impl fmt::Display for QueryForm {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
 
 /// A SHA-256 over what a query form is made of.
 type Fingerprint = [u8; 32];
@@ -83,6 +145,13 @@ struct Contents {
     blocks: Vec<Block>,
 }
 
+/// A model in the form that is kept.
+enum Model<'a> {
+    /// With the position of its rhythms among those of the map.
+    Fremen(&'a Fremen, u32),
+    Mean(&'a Mean),
+}
+
 /// Where some places lie.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 struct Block {
@@ -94,26 +163,37 @@ struct Block {
 
 impl Localizer {
     /// Opens the map at `path` for localising only, by way of the query form that lies beside it, which is
-    /// made if it is missing and made anew if it does not fit the map.
+    /// made if it is missing and made anew if it does not fit the map: [`open_by`](Self::open_by) with
+    /// [`QueryForm::Always`].
+    pub fn open(path: impl AsRef<Path>, cfg: LocalizerConfig) -> Result<Self> {
+        Self::open_by(path, cfg, QueryForm::Always)
+    }
+
+    /// Opens the map at `path` for localising only, by way of the query form that lies beside it, if there
+    /// is one that fits the map; else one is made, if `form` says so.
     ///
     /// As [`Localizer::new`] on the snapshot of [`Map::open_read_only`], with the same answers; but once there
     /// is a query form, the file is not read as a whole, and what is left of kept appearances is that they
     /// were kept: its snapshot is for localising, not for committing, and a calibration that is attached to it
     /// ([`Localizer::to_attachment`]) does not fit the map. Fails as these two do; that a query form cannot be
     /// written is no failure.
-    pub fn open(path: impl AsRef<Path>, cfg: LocalizerConfig) -> Result<Self> {
+    pub fn open_by(path: impl AsRef<Path>, cfg: LocalizerConfig, form: QueryForm) -> Result<Self> {
         let path = path.as_ref();
-        if !cfg.method().predicts() {
-            return Self::new(Map::open_read_only(path)?.snapshot(), cfg);
-        }
-        let stamp = Stamp::read(path)?;
-        let file = query_form_path(path, stamp, &cfg);
-        if let Some(localizer) = read(&file, &fingerprint(stamp, &cfg), &cfg) {
-            return Ok(localizer);
+        let start = Instant::now();
+        let can_have_one = cfg.method().predicts() && form != QueryForm::Never;
+        if can_have_one {
+            let stamp = Stamp::read(path)?;
+            let file = query_form_path(path, stamp, &cfg);
+            if let Some(localizer) = read(&file, &fingerprint(stamp, &cfg), &cfg) {
+                tracing::info!(file = %file.display(), "opened by the query form");
+                return Ok(localizer);
+            }
         }
         let snapshot = Map::open_read_only(path)?.snapshot();
-        let localizer = Self::new(snapshot, cfg)?;
-        localizer.keep_query_form(path);
+        let localizer = Self::new(snapshot, cfg).map_err(|error| error.with_path(path))?;
+        if can_have_one && form.is_worth_writing(start.elapsed()) {
+            localizer.keep_query_form(path);
+        }
         Ok(localizer)
     }
 
@@ -150,14 +230,17 @@ impl Localizer {
             let Plan::Predicted { model, .. } = plan else {
                 return Ok(false);
             };
-            let Some(model) = model.as_fremen() else {
+            models.push(if let Some(model) = model.as_fremen() {
+                let known = rhythms.iter().position(|it| it == model.candidates());
+                if known.is_none() {
+                    rhythms.push(model.candidates().clone());
+                }
+                Model::Fremen(model, known.unwrap_or(rhythms.len() - 1) as u32)
+            } else if let Some(model) = model.as_mean() {
+                Model::Mean(model)
+            } else {
                 return Ok(false);
-            };
-            let known = rhythms.iter().position(|it| it == model.candidates());
-            models.push((model, known.unwrap_or(rhythms.len()) as u32));
-            if known.is_none() {
-                rhythms.push(model.candidates().clone());
-            }
+            });
         }
         let mut file = BufWriter::new(File::create_new(path)?);
         file.write_all(&[0; HEAD_BYTES])?;
@@ -168,8 +251,8 @@ impl Localizer {
             let wave: Vec<(usize, Vec<u8>)> = (wave.par_chunks(PLACES_PER_BLOCK))
                 .map(|places| {
                     let mut bytes = Vec::new();
-                    for (node, (model, rhythms)) in places {
-                        put_place(&mut bytes, node, model, *rhythms);
+                    for (node, model) in places {
+                        put_place(&mut bytes, node, model);
                     }
                     (places.len(), bytes)
                 })
@@ -427,7 +510,32 @@ fn put_row(bytes: &mut Vec<u8>, row: &BitRow) {
     bytes.extend(row.words().iter().flat_map(|word| word.to_le_bytes()));
 }
 
-fn put_place(bytes: &mut Vec<u8>, node: &Node, model: &Fremen, rhythms: u32) {
+fn put_numbers(bytes: &mut Vec<u8>, numbers: &[f64]) {
+    bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+}
+
+fn put_model(bytes: &mut Vec<u8>, model: &Model<'_>) {
+    let (model, rhythms) = match *model {
+        Model::Fremen(model, rhythms) => (model, rhythms),
+        Model::Mean(model) => {
+            bytes.extend_from_slice(&NO_RHYTHMS.to_le_bytes());
+            put_numbers(bytes, model.probabilities());
+            return;
+        }
+    };
+    let (mean, candidate, terms) = model.to_parts();
+    bytes.extend_from_slice(&rhythms.to_le_bytes());
+    put_count(bytes, model.order());
+    put_numbers(bytes, mean);
+    bytes.extend(candidate.iter().flat_map(|it| it.to_le_bytes()));
+    bytes.extend(
+        (terms.iter())
+            .flat_map(|it| [it.0, it.1])
+            .flat_map(f64::to_le_bytes),
+    );
+}
+
+fn put_place(bytes: &mut Vec<u8>, node: &Node, model: &Model<'_>) {
     put_text(bytes, node.key.as_str());
     bytes.push(u8::from(node.pose.is_some()));
     for metres in node.pose.iter().flatten() {
@@ -456,16 +564,7 @@ fn put_place(bytes: &mut Vec<u8>, node: &Node, model: &Fremen, rhythms: u32) {
         }
         put_row(bytes, node.experience_log.seen_row(index));
     }
-    let (mean, candidate, terms) = model.to_parts();
-    bytes.extend_from_slice(&rhythms.to_le_bytes());
-    put_count(bytes, model.order());
-    bytes.extend(mean.iter().flat_map(|it| it.to_le_bytes()));
-    bytes.extend(candidate.iter().flat_map(|it| it.to_le_bytes()));
-    bytes.extend(
-        (terms.iter())
-            .flat_map(|it| [it.0, it.1])
-            .flat_map(f64::to_le_bytes),
-    );
+    put_model(bytes, model);
 }
 
 /// Bytes from outside; every step says whether they went on so far.
@@ -555,10 +654,7 @@ impl<'a> Reader<'a> {
         let model = self.model(node.features.len(), rhythms)?;
         let witnesses = Witnesses::of(&node.log, Visits::All).ok()?;
         let fits = node.log.num_features() == node.features.len();
-        let plan = Plan::Predicted {
-            model: Box::new(model),
-            witnesses,
-        };
+        let plan = Plan::Predicted { model, witnesses };
         fits.then_some((node, plan))
     }
 
@@ -593,8 +689,18 @@ impl<'a> Reader<'a> {
         Some(())
     }
 
-    fn model(&mut self, num_features: usize, rhythms: &[CandidatePeriods]) -> Option<Fremen> {
-        let rhythms = rhythms.get(self.u32()? as usize)?;
+    fn model(
+        &mut self,
+        num_features: usize,
+        rhythms: &[CandidatePeriods],
+    ) -> Option<Box<dyn VisibilityModel>> {
+        let at = self.u32()?;
+        if at == NO_RHYTHMS {
+            return Some(Box::new(Mean::from_probabilities(
+                self.f64s(num_features)?,
+            )?));
+        }
+        let rhythms = rhythms.get(at as usize)?;
         let order = self.count()?;
         let num_slots = order.checked_mul(num_features)?;
         let mean = self.f64s(num_features)?;
@@ -605,6 +711,22 @@ impl<'a> Reader<'a> {
         let terms = (numbers.as_chunks::<2>().0.iter())
             .map(|&[cosine, sine]| (cosine, sine))
             .collect();
-        Fremen::from_parts(rhythms.clone(), order, mean, candidate, terms)
+        let model = Fremen::from_parts(rhythms.clone(), order, mean, candidate, terms)?;
+        Some(Box::new(model))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_query_form_is_written_where_the_map_opened_slowly() {
+        let cases = [(999, [false, false, true]), (1001, [false, true, true])];
+        for (ms, expected) in cases {
+            let opening = Duration::from_millis(ms);
+            let written = QueryForm::ALL.map(|form| form.is_worth_writing(opening));
+            assert_eq!(written, expected, "{ms} ms");
+        }
     }
 }

@@ -577,6 +577,18 @@ pub(super) fn load(
     Ok(Some(state))
 }
 
+/// What holds for the whole map at its newest generation; `None` where there is none.
+pub(super) fn read_newest_meta(connection: &Connection) -> Result<Option<MapMeta>> {
+    let version = format_version(connection)?;
+    let faults = &mut Faults::strict();
+    let generations = read_generations(connection, version, None, faults)?;
+    let Some((lineage, _)) = Lineage::trace(&generations, None, None) else {
+        return Ok(None);
+    };
+    let metas = read_metas(connection, None, &lineage, faults)?;
+    Ok(metas.into_iter().last().map(|(_, meta)| meta))
+}
+
 /// What to say where the file has no such generation.
 pub(super) fn no_generation(number: u64) -> Error {
     Error::new(

@@ -8,12 +8,12 @@
 
 use std::path::Path;
 
-use rusqlite::OpenFlags;
+use rusqlite::{Connection, OpenFlags};
 
 use super::digest::ContentDigest;
 use super::load::{self, Faults};
-use super::store::{connect, peek, reading, sqlite_error};
-use super::types::Snapshot;
+use super::store::{check_schema, connect, peek, reading};
+use super::types::{MapMeta, Snapshot};
 use crate::error::{Error, ErrorKind, Result};
 
 /// The newest generation of a map file: its number, and the digest of all that it remembers.
@@ -29,24 +29,15 @@ impl Stamp {
     /// Of the file at `path`, from its first page and the table of generations.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let read = || {
-            peek(path)?;
-            let mut connection = connect(path, OpenFlags::SQLITE_OPEN_READ_ONLY)?;
-            let generations = reading(&mut connection, |connection| {
-                let version = connection
-                    .query_row("PRAGMA user_version", [], |row| row.get(0))
-                    .map_err(|error| sqlite_error(&error))?;
-                load::read_generations(connection, version, None, &mut Faults::strict())
-            })?;
-            let newest = generations.last();
-            newest
-                .map(|it| Self {
-                    generation: it.number,
-                    digest: it.digest,
-                })
-                .ok_or_else(|| Error::new(ErrorKind::Format, "this map has no generation"))
-        };
-        read().map_err(|error| error.with_path(path))
+        glance(path, |connection| {
+            let version = load::format_version(connection)?;
+            let generations =
+                load::read_generations(connection, version, None, &mut Faults::strict())?;
+            Ok(generations.last().map(|it| Self {
+                generation: it.number,
+                digest: it.digest,
+            }))
+        })
     }
 
     /// Of what was read of a file: O(bytes) to digest.
@@ -56,4 +47,25 @@ impl Stamp {
             digest: snapshot.digest(),
         }
     }
+}
+
+impl MapMeta {
+    /// Of the file at `path`, from its first page and two small tables.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        glance(path.as_ref(), load::read_newest_meta)
+    }
+}
+
+/// Reads a little of the file at `path`.
+fn glance<T>(path: &Path, read: impl FnOnce(&Connection) -> Result<Option<T>>) -> Result<T> {
+    let glance = || {
+        peek(path)?;
+        let mut connection = connect(path, OpenFlags::SQLITE_OPEN_READ_ONLY)?;
+        let found = reading(&mut connection, |connection| {
+            check_schema(connection, &mut Faults::strict())?;
+            read(connection)
+        })?;
+        found.ok_or_else(|| Error::new(ErrorKind::Format, "this map has no generation"))
+    };
+    glance().map_err(|error| error.with_path(path))
 }

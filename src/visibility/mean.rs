@@ -14,6 +14,19 @@ pub struct Mean {
     p: Vec<f64>,
 }
 
+impl Mean {
+    /// From what [`probabilities`](Self::probabilities) gave; `None` if one is none.
+    pub(crate) fn from_probabilities(p: Vec<f64>) -> Option<Self> {
+        let fits = p.iter().all(|p| (0.0..=1.0).contains(p));
+        fits.then_some(Self { p })
+    }
+
+    /// p of each feature.
+    pub(crate) fn probabilities(&self) -> &[f64] {
+        &self.p
+    }
+}
+
 /// O(features + one bits).
 pub(super) fn fit(evidence: &Evidence<'_>) -> Mean {
     Mean {
@@ -32,5 +45,9 @@ impl VisibilityModel for Mean {
 
     fn predict_one(&self, feature: usize, _: Time) -> f64 {
         self.p[feature]
+    }
+
+    fn as_mean(&self) -> Option<&Mean> {
+        Some(self)
     }
 }

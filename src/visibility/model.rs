@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use super::Fremen;
+use super::{Fremen, Mean};
 use crate::spectrum::Component;
 use crate::time::Time;
 
@@ -56,8 +56,13 @@ pub trait VisibilityModel: Debug + Send + Sync {
         Vec::new()
     }
 
-    /// The model itself, if it is a level and rhythms and nothing else: the form that is kept in files.
+    /// The model itself, if it is a level and rhythms and nothing else: one of two that are kept in files.
     fn as_fremen(&self) -> Option<&Fremen> {
+        None
+    }
+
+    /// The model itself, if it is the long-term mean: the other one that is kept in files.
+    fn as_mean(&self) -> Option<&Mean> {
         None
     }
 }

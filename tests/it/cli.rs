@@ -1768,3 +1768,112 @@ fn a_map_is_calibrated_once_and_answers_as_before() {
         &["street.map", "calibrated = true"],
     );
 }
+
+/// Everything beside the map that is kept to open it faster.
+fn query_forms(fixture: &Fixture) -> Vec<PathBuf> {
+    let entries = fs::read_dir(fixture.path("")).expect("a folder");
+    let mut found: Vec<PathBuf> = (entries.map(|entry| entry.expect("an entry").path()))
+        .filter(|path| path.extension().is_some_and(|it| it == "query"))
+        .collect();
+    found.sort();
+    found
+}
+
+#[test]
+fn a_query_form_changes_no_answer() {
+    let fixture = Fixture::with_map();
+    let ask = |form: &str, more: &[&str]| {
+        let images = ["query0.png", "query1.png", "query2.png", "query3.png"];
+        let args = [
+            &["localize", "street.map", "--json", "--time", QUERY_TIME][..],
+            &["--query-form", form],
+            &images[..],
+            more,
+        ]
+        .concat();
+        let ran = fixture.run(&args);
+        assert_eq!(ran.code, 0, "{ran:?}");
+        ran
+    };
+    // Everything but how long it took.
+    let evidence = || -> Vec<Value> {
+        let text = fs::read_to_string(fixture.path("trace.jsonl")).expect("written");
+        let mut lines: Vec<Value> = (text.lines())
+            .map(|line| serde_json::from_str(line).expect("JSON"))
+            .collect();
+        for line in &mut lines {
+            let line = line.as_object_mut().expect("an object");
+            assert!(line.remove("duration_ms").is_some() && line.remove("stages").is_some());
+        }
+        lines
+    };
+    for (index, more) in [
+        &["--method", "fremen", "--track"][..],
+        &["--method", "static", "--trace", "trace.jsonl"],
+        &["--trace", "trace.jsonl", "--n", "20"],
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let without = ask("never", more).stdout;
+        let traced = (index > 0).then(evidence);
+        assert_eq!(query_forms(&fixture).len(), index, "{more:?}");
+        assert_eq!(ask("always", more).stdout, without, "{more:?}");
+        assert_eq!(query_forms(&fixture).len(), index + 1, "{more:?}");
+        let again = ask("auto", &[more, &["-v"]].concat());
+        assert!(
+            again.stderr.contains("opened by the query form"),
+            "{again:?}"
+        );
+        assert_eq!(again.stdout, without, "{more:?}");
+        assert_eq!((index > 0).then(evidence), traced, "{more:?}");
+    }
+    // Experiences have none.
+    ask("always", &["--method", "experience-all"]);
+    assert_eq!(query_forms(&fixture).len(), 3);
+}
+
+#[test]
+fn a_query_form_that_does_not_fit_is_made_anew_and_one_that_cannot_be_kept_is_none() {
+    let fixture = Fixture::with_map();
+    let ask = |form: &str| {
+        let ran = fixture.run(&[
+            "localize",
+            "street.map",
+            "query1.png",
+            "--time",
+            QUERY_TIME,
+            "--json",
+            "--query-form",
+            form,
+        ]);
+        assert_eq!(ran.code, 0, "{ran:?}");
+        ran.stdout
+    };
+    let expected = ask("always");
+    let [file] = &query_forms(&fixture)[..] else {
+        panic!("one query form");
+    };
+    let whole = fs::read(file).expect("kept");
+    let mut damaged = whole.clone();
+    damaged[whole.len() / 2] ^= 4;
+    fs::write(file, damaged).expect("writable");
+    assert_eq!(ask("always"), expected);
+    assert_eq!(fs::read(file).expect("kept"), whole);
+
+    let learn = ["localize", "street.map", "query0.png", "--time", QUERY_TIME];
+    let learnt = fixture.run(&[&learn[..], &["--learn"]].concat());
+    assert_eq!(learnt.code, 0, "{learnt:?}");
+    let newer = ask("never");
+    assert_eq!(ask("always"), newer);
+    let [newest] = &query_forms(&fixture)[..] else {
+        panic!("that of the generation before is gone");
+    };
+    assert_ne!(newest, file);
+
+    // A folder in its place can be neither read nor replaced; rights would not stop the superuser.
+    fs::remove_file(newest).expect("removed");
+    fs::create_dir(newest).expect("made");
+    assert_eq!(ask("always"), newer);
+    assert!(newest.is_dir());
+}

@@ -5,12 +5,14 @@ use std::sync::Arc;
 
 use chronotope::Time;
 use chronotope::feature::{Descriptor, Features, Keypoint};
-use chronotope::localize::{Candidates, Localization, Localizer, LocalizerConfig, Method, Query};
+use chronotope::localize::{
+    Candidates, Localization, Localizer, LocalizerConfig, Method, Query, QueryForm,
+};
 use chronotope::map::{
     AppearanceUse, Map, MapMeta, Node, NodeId, PlaceKey, SessionId, Snapshot, Stamp, Visit, VisitId,
 };
 use chronotope::predict::Selection;
-use chronotope::visibility::BitRow;
+use chronotope::visibility::{BitRow, VisibilityConfig};
 
 const NUM_FEATURES: usize = 30;
 const NUM_VISITS: usize = 12;
@@ -137,7 +139,7 @@ fn answers(localizer: &Localizer) -> Vec<Localization> {
 fn a_map_opened_by_its_query_form_gives_the_same_answers() {
     let (_folder, path, map) = stored(300);
     for candidates in [Candidates::Exact, Candidates::Inverted] {
-        for method in [Method::Fused, Method::Fremen] {
+        for method in [Method::Fused, Method::Fremen, Method::Static] {
             let cfg = cfg().with_candidates(candidates).with_method(method);
             let whole = Localizer::new(map.snapshot(), cfg.clone()).expect("fits");
             let expected = answers(&whole);
@@ -268,8 +270,11 @@ fn where_no_query_form_can_be_written_the_map_opens_all_the_same() {
 #[test]
 fn methods_and_models_without_a_query_form_open_as_always() {
     let (_folder, path, map) = stored(3);
-    for method in [Method::Static, Method::ExperienceAll] {
-        let cfg = cfg().with_method(method);
+    let markov = cfg().with_visibility(
+        VisibilityConfig::from_toml("model = { kind = \"markov\" }").expect("a model"),
+    );
+    for cfg in [cfg().with_method(Method::ExperienceAll), markov] {
+        let method = cfg.method();
         let expected = answers(&Localizer::new(map.snapshot(), cfg.clone()).expect("fits"));
         let localizer = Localizer::open(&path, cfg).expect("opens");
         assert_eq!(answers(&localizer), expected, "{method}");
@@ -277,4 +282,31 @@ fn methods_and_models_without_a_query_form_open_as_always() {
     }
     let missing = Localizer::open(path.with_extension("none"), cfg()).expect_err("no map");
     assert!(missing.to_string().contains("town.none"), "{missing}");
+}
+
+#[test]
+fn a_query_form_is_kept_as_asked_for() {
+    let (_folder, path, map) = stored(3);
+    let expected = answers(&Localizer::new(map.snapshot(), cfg()).expect("fits"));
+    let open = |form| {
+        let localizer = Localizer::open_by(&path, cfg(), form).expect("opens");
+        assert_eq!(answers(&localizer), expected, "{form}");
+        let visits = &localizer.snapshot().nodes[0].visits;
+        // What was read from a query form has no appearances.
+        visits[0].appearance.is_none()
+    };
+    // This map opens long before it would be worth it.
+    for form in [QueryForm::Never, QueryForm::Auto] {
+        assert!(!open(form), "{form}");
+        assert!(query_forms(&path).is_empty(), "{form}");
+    }
+    assert!(!open(QueryForm::Always));
+    let kept = query_forms(&path);
+    assert_eq!(kept.len(), 1);
+    assert!(open(QueryForm::Auto) && open(QueryForm::Always));
+    assert!(!open(QueryForm::Never), "not even read");
+    assert_eq!(query_forms(&path), kept);
+    for form in QueryForm::ALL {
+        assert_eq!(form.name().parse::<QueryForm>().expect("a name"), form);
+    }
 }

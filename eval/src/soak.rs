@@ -208,10 +208,7 @@ impl Soak {
         let queries = (wanted.par_iter())
             .map(|&(place, time)| Ok((place, time, extract(&street.world, place, time, 1)?)))
             .collect::<Result<_>>()?;
-        let soak = Self {
-            street,
-            queries,
-        };
+        let soak = Self { street, queries };
         Ok((soak, times))
     }
 

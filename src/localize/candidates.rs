@@ -87,31 +87,68 @@ pub(super) enum Finder {
     /// Every place is one.
     Exact,
     /// The words of the lists that are made of each forecast.
-    Inverted(BinaryWords),
+    Inverted(Arc<BinaryWords>),
     Words(Arc<Signatures>),
 }
 
 impl Finder {
     pub(super) fn new(snapshot: &Snapshot, cfg: &LocalizerConfig) -> Self {
-        let num_predicted = match cfg.selection() {
-            Selection::Top(n) => n.saturating_mul(snapshot.nodes.len()),
-            Selection::Threshold(_) => snapshot.nodes.iter().map(|it| it.features.len()).sum(),
-        };
-        let kind = match cfg.candidates() {
-            _ if snapshot.nodes.len() <= LENGTH => Candidates::Exact,
-            Candidates::Auto if num_predicted < MIN_PREDICTED => Candidates::Exact,
-            Candidates::Auto => Candidates::Inverted,
-            chosen => chosen,
-        };
-        match kind {
+        match Self::kind(snapshot, cfg) {
             Candidates::Auto | Candidates::Exact => Self::Exact,
             Candidates::Inverted => {
-                // The power of two nearest to four times the root.
-                let num_words = 1 << (4.0 * (num_predicted as f64).sqrt()).log2().round() as u32;
-                Self::Inverted(learn_words(snapshot, num_words))
+                let words = learn_words(snapshot, Self::num_words(snapshot, cfg));
+                Self::Inverted(Arc::new(words))
             }
             Candidates::Words => Self::Words(Arc::new(Signatures::of(snapshot))),
         }
+    }
+
+    /// For a newer snapshot of the same map: words are kept until it needs more than twice as many.
+    pub(super) fn on_newer(&self, snapshot: &Snapshot, cfg: &LocalizerConfig) -> Self {
+        match self {
+            Self::Inverted(words)
+                if Self::kind(snapshot, cfg) == Candidates::Inverted
+                    && Self::num_words(snapshot, cfg) <= 2 * words.len() =>
+            {
+                self.clone()
+            }
+            _ => Self::new(snapshot, cfg),
+        }
+    }
+
+    /// Whether forecasts that were made for the other hold for this one.
+    pub(super) fn reads_same_words(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Inverted(words), Self::Inverted(others)) => Arc::ptr_eq(words, others),
+            (Self::Inverted(_), _) | (_, Self::Inverted(_)) => false,
+            _ => true,
+        }
+    }
+
+    /// What candidates are found by in this map.
+    fn kind(snapshot: &Snapshot, cfg: &LocalizerConfig) -> Candidates {
+        match cfg.candidates() {
+            _ if snapshot.nodes.len() <= LENGTH => Candidates::Exact,
+            Candidates::Auto if Self::num_predicted(snapshot, cfg) < MIN_PREDICTED => {
+                Candidates::Exact
+            }
+            Candidates::Auto => Candidates::Inverted,
+            chosen => chosen,
+        }
+    }
+
+    /// Features that are predicted of all places, at most.
+    fn num_predicted(snapshot: &Snapshot, cfg: &LocalizerConfig) -> usize {
+        match cfg.selection() {
+            Selection::Top(n) => n.saturating_mul(snapshot.nodes.len()),
+            Selection::Threshold(_) => snapshot.nodes.iter().map(|it| it.features.len()).sum(),
+        }
+    }
+
+    /// The power of two nearest to four times the root of what is predicted.
+    fn num_words(snapshot: &Snapshot, cfg: &LocalizerConfig) -> usize {
+        let num_predicted = Self::num_predicted(snapshot, cfg) as f64;
+        1 << (4.0 * num_predicted.sqrt()).log2().round() as u32
     }
 }
 

@@ -125,7 +125,7 @@ impl Forecast {
         let num_expected = localizer.calibration.as_ref().map_or(0, |_| nodes.len());
         (self.expectations).resize_with(num_expected, Expectation::default);
         for (index, node) in nodes.enumerate() {
-            if let Plan::Predicted { model, witnesses } = &localizer.plans[node] {
+            if let Plan::Predicted { model, witnesses } = localizer.plans[node].as_ref() {
                 let selection = localizer.cfg.selection();
                 localizer.choose(predicted, model.as_ref(), witnesses, time, selection);
                 let id = NodeId(node as u32);
@@ -154,6 +154,57 @@ impl Forecast {
             && !words.is_empty()
         {
             self.voting = Some(Voting::of(localizer, self, words, &self.words));
+        }
+    }
+
+    /// The same for a newer map: places that changed are predicted again, all others copied.
+    ///
+    /// O(places that changed), but for copying.
+    fn on_newer(&self, localizer: &Localizer, is_same: &[bool]) -> Self {
+        let time = self.time;
+        let changed: Vec<usize> = (0..is_same.len()).filter(|&node| !is_same[node]).collect();
+        let parts: Vec<Self> = (changed.par_iter())
+            .map_init(PredictedMap::new, |predicted, &node| {
+                let mut part = Self::default();
+                part.make(localizer, predicted, time, node..node + 1);
+                part
+            })
+            .collect();
+        let mut newer = Self {
+            time,
+            ..Self::default()
+        };
+        let mut first = 0;
+        for (&node, part) in changed.iter().zip(parts) {
+            newer.append_places(self, first..node);
+            newer.append(part);
+            first = node + 1;
+        }
+        newer.append_places(self, first..is_same.len());
+        newer.let_vote(localizer);
+        newer
+    }
+
+    /// Puts some places of `other` behind its own.
+    fn append_places(&mut self, other: &Self, nodes: Range<usize>) {
+        if nodes.is_empty() {
+            return;
+        }
+        let rows = other.rows(nodes.start).start..other.rows(nodes.end - 1).end;
+        let (start, moved) = (self.ids.len(), rows.start);
+        (self.ends).extend(
+            other.ends[nodes.clone()]
+                .iter()
+                .map(|end| end + start - moved),
+        );
+        self.ids.extend_from_slice(&other.ids[rows.clone()]);
+        (self.probabilities).extend_from_slice(&other.probabilities[rows.clone()]);
+        (self.features).append_view(other.features.view().rows(rows.clone()));
+        if !other.expectations.is_empty() {
+            (self.expectations).extend_from_slice(&other.expectations[nodes]);
+        }
+        if !other.words.is_empty() {
+            self.words.extend_from_slice(&other.words[rows]);
         }
     }
 
@@ -200,6 +251,13 @@ impl Forecasts {
             }
         }
         Arc::default()
+    }
+
+    /// All of them, latest used last.
+    fn kept(&self) -> Vec<Arc<Forecast>> {
+        (self.kept.lock())
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
     }
 
     fn keep(&self, forecast: &Arc<Forecast>) {
@@ -287,6 +345,19 @@ impl Localizer {
         }
         self.forecasts.keep(&forecast);
         forecast
+    }
+
+    /// Makes the forecasts of `older` its own, where they still hold; `is_same` says which places have not
+    /// changed since.
+    pub(super) fn take_over_forecasts(&self, older: &Self, is_same: &[bool]) {
+        if !self.finder.reads_same_words(&older.finder) {
+            return;
+        }
+        let kept = older.forecasts.kept();
+        for forecast in kept.iter().filter(|it| it.ends.len() == older.plans.len()) {
+            let newer = forecast.on_newer(self, is_same);
+            self.forecasts.keep(&Arc::new(newer));
+        }
     }
 
     /// The time that is predicted for at `time`.

@@ -108,7 +108,8 @@ pub struct Localizer {
     snapshot: Arc<Snapshot>,
     cfg: LocalizerConfig,
     matcher: Matcher,
-    plans: Vec<Plan>,
+    /// Shared with the localizers of other generations of the map, where a place is the same in both.
+    plans: Vec<Arc<Plan>>,
     calibration: Option<Arc<Calibration>>,
     finder: Finder,
     forecasts: Forecasts,
@@ -162,28 +163,60 @@ impl Localizer {
         Ok(localizer)
     }
 
-    /// The same on a newer snapshot of its map: models are fitted again, while what matches are worth is
-    /// kept, which takes many visits to change. For a robot that learns while it localises.
+    /// The same on a newer snapshot of its map, for a robot that learns while it localises.
+    ///
+    /// Only places that have changed are fitted and predicted again, on the threads of the caller's rayon pool;
+    /// with places that the snapshots share ([`Arc::ptr_eq`]) nothing is done. What matches are worth and the words that
+    /// candidates are found by take many visits to change and are kept.
+    ///
+    /// Fails as [`new`](Self::new) does.
     pub fn on_newer(&self, snapshot: Arc<Snapshot>) -> Result<Self> {
-        Ok(Self {
-            calibration: self.calibration.clone(),
-            ..Self::uncalibrated(snapshot, self.cfg.clone())?
-        })
+        let is_same: Vec<bool> = (snapshot.nodes.par_iter().enumerate())
+            .map(|(index, node)| {
+                let old = self.snapshot.nodes.get(index);
+                old.is_some_and(|old| Arc::ptr_eq(old, node) || old == node)
+            })
+            .collect();
+        let plans = (snapshot.nodes.par_iter().zip(&is_same).enumerate())
+            .map(|(index, (node, &is_same))| match is_same {
+                true => Ok(Arc::clone(&self.plans[index])),
+                false => Plan::of(node, &self.cfg).map(Arc::new),
+            })
+            .collect::<Result<_>>()?;
+        let calibration = (self.calibration.as_ref())
+            .map(|known| Calibration::on_newer(known, &self.snapshot, &snapshot, &is_same));
+        let finder = self.finder.on_newer(&snapshot, &self.cfg);
+        let newer = Self {
+            calibration,
+            ..Self::of_plans(snapshot, self.cfg.clone(), plans, finder)?
+        };
+        newer.take_over_forecasts(self, &is_same);
+        Ok(newer)
     }
 
     fn uncalibrated(snapshot: Arc<Snapshot>, cfg: LocalizerConfig) -> Result<Self> {
-        if snapshot.nodes.is_empty() {
+        let plans = (snapshot.nodes.par_iter())
+            .map(|node| Plan::of(node, &cfg).map(Arc::new))
+            .collect::<Result<_>>()?;
+        let finder = Finder::new(&snapshot, &cfg);
+        Self::of_plans(snapshot, cfg, plans, finder)
+    }
+
+    fn of_plans(
+        snapshot: Arc<Snapshot>,
+        cfg: LocalizerConfig,
+        plans: Vec<Arc<Plan>>,
+        finder: Finder,
+    ) -> Result<Self> {
+        if plans.is_empty() {
             return Err(Error::new(ErrorKind::Config, "the map has no places")
                 .with_help("build it from at least one image of each place"));
         }
-        let plans = (snapshot.nodes.par_iter())
-            .map(|node| Plan::of(node, &cfg))
-            .collect::<Result<Vec<_>>>()?;
         let remembers = |plan: &Plan| match plan {
             Plan::Predicted { .. } => true,
             Plan::Appearances { visits, .. } => !visits.is_empty(),
         };
-        if !plans.iter().any(remembers) {
+        if !plans.iter().any(|plan| remembers(plan)) {
             return Err(Error::new(
                 ErrorKind::Config,
                 format!(
@@ -195,7 +228,7 @@ impl Localizer {
         }
         Ok(Self {
             matcher: Matcher::new(cfg.matching().clone()),
-            finder: Finder::new(&snapshot, &cfg),
+            finder,
             snapshot,
             cfg,
             plans,
@@ -239,7 +272,7 @@ impl Localizer {
 
     /// The visibility model of a place; `None` where the method remembers appearances instead.
     pub fn model(&self, node: NodeId) -> Option<&dyn VisibilityModel> {
-        match &self.plans[node.0 as usize] {
+        match self.plans[node.0 as usize].as_ref() {
             Plan::Predicted { model, .. } => Some(model.as_ref()),
             Plan::Appearances { .. } => None,
         }

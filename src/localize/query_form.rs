@@ -227,7 +227,7 @@ impl Localizer {
         let mut models = Vec::with_capacity(self.plans.len());
         let mut rhythms: Vec<CandidatePeriods> = Vec::new();
         for plan in &self.plans {
-            let Plan::Predicted { model, .. } = plan else {
+            let Plan::Predicted { model, .. } = plan.as_ref() else {
                 return Ok(false);
             };
             models.push(if let Some(model) = model.as_fremen() {
@@ -440,7 +440,7 @@ fn parse(file: &[u8], fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Optio
     );
     for (node, plan) in blocks.into_iter().flatten() {
         nodes.push(Arc::new(node));
-        plans.push(plan);
+        plans.push(Arc::new(plan));
     }
     let snapshot = Snapshot {
         generation: contents.generation,
@@ -464,7 +464,7 @@ fn parse(file: &[u8], fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Optio
         && (calibration.iter()).all(|calibration| calibration.holds_together(&snapshot));
     let words = contents.words.map(|words| {
         let words: Vec<Descriptor> = words.into_iter().map(Descriptor).collect();
-        BinaryWords::from_centroids(&words)
+        Arc::new(BinaryWords::from_centroids(&words))
     });
     fits.then(|| Localizer {
         matcher: Matcher::new(cfg.matching().clone()),

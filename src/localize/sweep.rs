@@ -119,7 +119,7 @@ impl Localizer {
             }
         };
         for (id, tallies) in (0..).map(NodeId).zip(tallies.chunks_mut(sizes.len())) {
-            match &self.plans[id.0 as usize] {
+            match self.plans[id.0 as usize].as_ref() {
                 Plan::Predicted { model, witnesses } => {
                     let part = Selection::Top(largest);
                     self.predict_part(scratch, id, model.as_ref(), witnesses, time, part);
@@ -177,7 +177,7 @@ impl Localizer {
         top: usize,
     ) -> Result<Option<usize>> {
         let time = self.check(query)?;
-        let Plan::Predicted { model, .. } = &self.plans[node.0 as usize] else {
+        let Plan::Predicted { model, .. } = self.plans[node.0 as usize].as_ref() else {
             return Ok(None);
         };
         let part = Selection::Top(top);

@@ -18,6 +18,7 @@ mod localize;
 mod map;
 mod matching;
 mod merge;
+mod newer;
 mod query_form;
 mod spectrum;
 mod synthetic;

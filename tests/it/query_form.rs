@@ -14,8 +14,8 @@ use chronotope::map::{
 use chronotope::predict::Selection;
 use chronotope::visibility::{BitRow, VisibilityConfig};
 
-const NUM_FEATURES: usize = 30;
-const NUM_VISITS: usize = 12;
+pub(crate) const NUM_FEATURES: usize = 30;
+pub(crate) const NUM_VISITS: usize = 12;
 const DAY_S: i64 = 86_400;
 
 /// Steele, Lea and Flood's `SplitMix64`.
@@ -46,7 +46,7 @@ impl Random {
 }
 
 /// Places whose features come and go with the months of a year.
-fn map(num_places: usize) -> Snapshot {
+pub(crate) fn map(num_places: usize) -> Snapshot {
     let mut random = Random(7);
     let mut snapshot = Snapshot::empty(MapMeta::new(5, "none", "default"));
     (snapshot.attachments).insert("a-note".into(), vec![0, 159, 146, 150].into());
@@ -99,7 +99,7 @@ fn stored(num_places: usize) -> (tempfile::TempDir, PathBuf, Map) {
     (folder, path, map)
 }
 
-fn cfg() -> LocalizerConfig {
+pub(crate) fn cfg() -> LocalizerConfig {
     LocalizerConfig::default().with_selection(Selection::top(12).expect("some"))
 }
 
@@ -115,7 +115,7 @@ fn query_forms(map: &Path) -> Vec<PathBuf> {
 }
 
 /// What a localizer says to views of some places in two seasons.
-fn answers(localizer: &Localizer) -> Vec<Localization> {
+pub(crate) fn answers(localizer: &Localizer) -> Vec<Localization> {
     let nodes = &localizer.snapshot().nodes;
     let mut scratch = localizer.scratch();
     let mut random = Random(99);

@@ -45,7 +45,7 @@ use super::evidence::{Expectation, Hits, LogMean, Strays};
 use super::{Evidence, Localizer, Method, Plan, Score, Scratch};
 use crate::error::Result;
 use crate::feature::{Features, FeaturesView};
-use crate::map::{Node, NodeId, Reobservation};
+use crate::map::{Node, NodeId, Reobservation, Snapshot};
 use crate::matching::{Displacement, Match, Vote};
 use crate::predict::{PredictedMap, Selection, Witnesses};
 use crate::time::Time;
@@ -242,11 +242,14 @@ impl Calibration {
         let mut calibration = Self::uninformed();
         // What a feature of an appearance is worth does not depend on which appearances a method uses,
         // so that is learnt from all of them; what the scores are worth, from the method's own.
-        let everything: Option<Vec<Plan>> = match localizer.cfg.method() {
+        let everything: Option<Vec<Arc<Plan>>> = match localizer.cfg.method() {
             Method::Static | Method::Fremen | Method::Fused | Method::ExperienceAll => None,
             Method::Experience | Method::Freex => Some(
                 (localizer.snapshot.nodes.iter())
-                    .map(|node| Plan::of(node, &localizer.cfg.clone().with_method(EVERYTHING)))
+                    .map(|node| {
+                        let cfg = localizer.cfg.clone().with_method(EVERYTHING);
+                        Plan::of(node, &cfg).map(Arc::new)
+                    })
                     .collect::<Result<_>>()?,
             ),
         };
@@ -353,6 +356,36 @@ impl Calibration {
         let square = (displacement.dx_px / sx).powi(2) + (displacement.dy_px / sy).powi(2);
         let density = (-0.5 * square).exp() / (std::f64::consts::TAU * sx * sy);
         ((1.0 - STRAY_SHARE) * density * prior.area_px2 + STRAY_SHARE).ln()
+    }
+
+    /// What is known, for a newer snapshot of the map; `is_same` says which of its places have not changed.
+    ///
+    /// False rates go with their features where a budget has numbered them anew, and are forgotten of kept
+    /// appearances, whose visits are numbered anew then.
+    pub(super) fn on_newer(
+        known: &Arc<Self>,
+        older: &Snapshot,
+        newer: &Snapshot,
+        is_same: &[bool],
+    ) -> Arc<Self> {
+        let mut known = Arc::clone(known);
+        let places = older.nodes.iter().zip(&newer.nodes).zip(is_same);
+        for (index, ((old, new), _)) in places.enumerate().filter(|(_, (_, is_same))| !**is_same) {
+            let extends = new
+                .features
+                .descriptors()
+                .starts_with(old.features.descriptors())
+                && new.visits.len() >= old.visits.len();
+            if extends || known.false_counts.len() <= index {
+                continue;
+            }
+            let of_place = &mut Arc::make_mut(&mut known).false_counts[index];
+            of_place.truncate(1);
+            for counts in of_place {
+                *counts = renumbered(counts, old.features.view(), new.features.view());
+            }
+        }
+        known
     }
 
     /// What each feature of a predicted map would say.
@@ -686,8 +719,24 @@ fn spread(count: usize, limit: usize) -> impl Iterator<Item = usize> {
     (0..taken).map(move |i| (2 * i + 1) * count / (2 * taken))
 }
 
+/// What was counted of the features of `old`, for those of them that are left in `new`, in the same order.
+fn renumbered(counts: &[Trials], old: FeaturesView<'_>, new: FeaturesView<'_>) -> Vec<Trials> {
+    let mut first = 0;
+    let of_feature = (0..new.len()).map(|id| {
+        let is_it = |was: &usize| {
+            (old.keypoints[*was], old.descriptors[*was]) == (new.keypoints[id], new.descriptors[id])
+        };
+        let Some(was) = (first..old.len()).find(is_it) else {
+            return Trials::default();
+        };
+        first = was + 1;
+        counts.get(was).copied().unwrap_or_default()
+    });
+    of_feature.collect()
+}
+
 /// Matches past visits with the places of `plans`.
-fn ask(localizer: &Localizer, plans: &[Plan]) -> Result<(Vec<Image>, Vec<Trial>)> {
+fn ask(localizer: &Localizer, plans: &[Arc<Plan>]) -> Result<(Vec<Image>, Vec<Trial>)> {
     let nodes = &localizer.snapshot.nodes;
     let mut places: Vec<HeldOutPlace> = spread(nodes.len(), MAX_PLACES)
         .map(|node| HeldOutPlace::new(&nodes[node], node))
@@ -957,5 +1006,38 @@ impl Record {
             }
         }
         found.into_iter()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::feature::{Descriptor, Keypoint};
+
+    #[test]
+    fn counts_follow_their_features() {
+        let features = |numbers: &[u64]| {
+            let mut features = Features::new();
+            for &number in numbers {
+                let keypoint = Keypoint {
+                    x: number as f32,
+                    y: 0.0,
+                    size: 1.0,
+                    response: 1.0,
+                };
+                features.push(keypoint, Descriptor([number % 3, 0, 0, 0]));
+            }
+            features
+        };
+        let trials = |tried: u32| Trials { tried, found: 0 };
+        let old = features(&[10, 11, 12, 13, 14]);
+        let counts = [0, 1, 2, 3].map(trials);
+        let new = features(&[11, 13, 14, 20, 10]);
+        let expected = [1, 3, 0, 0, 0].map(trials);
+        let found = renumbered(&counts, old.view(), new.view());
+        assert_eq!(
+            found, expected,
+            "nothing is known of 14, 20 is new, 10 is out of order"
+        );
     }
 }

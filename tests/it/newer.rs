@@ -35,7 +35,7 @@ fn both(candidates: Candidates) -> [LocalizerConfig; 2] {
     let cfg = cfg().with_candidates(candidates);
     [
         cfg.clone(),
-        cfg.with_calibrated(false).with_score(Score::Inliers),
+        cfg.with_score(Score::Inliers).with_calibrated(false),
     ]
 }
 

@@ -11,7 +11,8 @@
 //! [`Scratch`](super::Scratch), because in a large map a forecast takes a second to make and over 100 bytes
 //! a predicted feature to hold; threads share it behind an `Arc`. The lock is held to look it up, never
 //! while one is made: two threads that need the same new forecast at the same moment both make it, and
-//! make the same.
+//! make the same. A localizer that goes on with a newer map ([`Localizer::on_newer`]) copies what has not
+//! changed and predicts the rest.
 //!
 //! Cost: what predicting costs, once a bucket; a lock and a reference count a query. Memory of a forecast
 //! that nobody holds any more is used for the next one, so a thread alone allocates nothing once warm,

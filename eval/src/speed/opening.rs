@@ -3,7 +3,8 @@
 //! The map of the section before is written to a file in a folder of its own and opened in three ways, all
 //! of them warm, so that the disk has no part in it: read as a whole, fitted and calibrated; by way of a query
 //! form that has to be made first; and by way of the one that is there then. What was opened in different
-//! ways has to give the same answer.
+//! ways has to give the same answer. Last, how long it takes to go on with a newer map in which one place has
+//! changed, predictions of all places with it.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -45,6 +46,7 @@ pub(super) fn measure(
             cfg.clone(),
         )?)
     })?;
+    let newer = going_on(&whole, material, time)?;
     let (_, making_ms) = timed(|| Ok(Localizer::open(&path, cfg.clone())?))?;
     let mut opening = Vec::new();
     let mut opened = None;
@@ -85,7 +87,41 @@ pub(super) fn measure(
             .bytes_per_feature(per_feature(query_bytes))
             .note(format!("{num_features} features")),
         row("first answer after that", &first).note("one thread predicts its bucket"),
+        row("going on, one place is newer", &newer).note("predictions of all places with it"),
     ])
+}
+
+/// Milliseconds that a localizer takes to go on with a newer map, in which one place forgot a visit.
+fn going_on(older: &Localizer, material: &Material, time: Time) -> Result<Vec<f64>> {
+    let mut newer = Snapshot::clone(older.snapshot());
+    let place = newer.nodes.len() / 2;
+    let node = &newer.nodes[place];
+    let mut visits = vec![true; node.visits.len()];
+    ensure!(visits.pop().is_some(), "the map has no visits");
+    let (shorter, _) = node.retained(&visits, &vec![true; node.features.len()])?;
+    newer.nodes[place] = Arc::new(shorter);
+    let newer = Arc::new(newer);
+    let query = material.queries.first().map(|features| Query {
+        features,
+        time: Some(time),
+        image_size: None,
+    });
+    // Nothing is predicted yet, so all of it will be made anew.
+    let anew = older.on_newer(Arc::clone(&newer))?;
+    older.anticipate(time);
+    let mut took = Vec::new();
+    for _ in 0..NUM_TIMES {
+        let (localizer, ms) = timed(|| Ok(older.on_newer(Arc::clone(&newer))?))?;
+        took.push(ms);
+        if let Some(query) = &query {
+            ensure!(
+                localizer.localize(&mut localizer.scratch(), query)?
+                    == anew.localize(&mut anew.scratch(), query)?,
+                "a localizer that went on gives other answers"
+            );
+        }
+    }
+    Ok(took)
 }
 
 fn bytes_of(path: &Path) -> Result<u64> {

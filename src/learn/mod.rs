@@ -102,6 +102,8 @@ pub struct Learner {
     experience: Matcher,
     reobservation: Reobservation,
     held: Held,
+    /// Whether that is more or less than what the snapshot has of them: it may be megabytes.
+    held_has_changed: bool,
     /// `None` where visits are not judged.
     guard: Option<Guard>,
     expectations: Expectations,
@@ -167,6 +169,7 @@ impl Learner {
             num_bytes,
             reobservation,
             held,
+            held_has_changed: false,
             guard: (cfg.guard().judge() != Judge::Never).then(Guard::default),
             expectations: Expectations::default(),
             stale: vec![false; snapshot.nodes.len()],
@@ -210,6 +213,7 @@ impl Learner {
         let Some(doubt) = doubt else {
             return self.take_in(visit, observation, features, agreement);
         };
+        self.held_has_changed = true;
         let num_dropped = self.held.push(HeldVisit {
             place: observation.place.clone(),
             id: visit.id,
@@ -295,6 +299,7 @@ impl Learner {
     }
 
     fn take_held(&mut self, id: VisitId) -> Result<HeldVisit> {
+        self.held_has_changed = true;
         self.held.take(id).ok_or_else(|| {
             Error::new(ErrorKind::Config, format!("no visit {id} is held"))
                 .with_help("`chronotope map held` lists them")
@@ -512,7 +517,10 @@ impl Learner {
             }
         }
         self.reobservation.attach(&mut self.snapshot);
-        self.held.attach(&mut self.snapshot)?;
+        if self.held_has_changed {
+            self.held.attach(&mut self.snapshot)?;
+            self.held_has_changed = false;
+        }
         Ok(Arc::new(self.snapshot.clone()))
     }
 

@@ -206,6 +206,10 @@ fn honest_visits_are_rarely_held_and_can_be_accepted_or_rejected() {
         learnt.doubt
     );
     assert_eq!(learner.held().visits().len(), held.len() + 1);
+    let [first, second] = [(); 2].map(|()| learner.snapshot().expect("in step"));
+    let value = |of: &Snapshot| Arc::clone(&of.attachments["held"]);
+    assert!(Arc::ptr_eq(&value(&first), &value(&second)), "written once");
+    assert_eq!(Held::of(&second).expect("ours"), *learner.held());
     let mut other = Learner::resume(
         LearnConfig::default(),
         Snapshot::clone(&learner.snapshot().expect("in step")),

@@ -24,8 +24,9 @@ const NUM_FIRST: usize = 40;
 const NUM_QUERIES: usize = 20;
 /// Visits between commits.
 const COMMIT_EVERY: usize = 50;
-/// Generations that are kept.
-const KEPT_GENERATIONS: usize = 8;
+/// A file has at most so many generations, and so many are left then.
+const MOST_GENERATIONS: usize = 8;
+const KEPT_GENERATIONS: usize = 4;
 /// Images that are drawn and extracted at once.
 const CHUNK_LEN: usize = 64;
 
@@ -296,12 +297,14 @@ impl Soak {
     }
 }
 
-/// Commits, and prunes all generations but the newest few.
+/// Commits, and prunes all generations but the newest few, where there are many.
 pub(crate) fn commit(map: &Map, snapshot: &Snapshot) -> Result<()> {
     map.replace(snapshot)?;
-    let newest = map.generations()?.into_iter().rev();
-    let kept = newest.take(KEPT_GENERATIONS).map(|it| it.number).collect();
-    map.prune(&kept)?;
+    let generations = map.generations()?;
+    if generations.len() > MOST_GENERATIONS {
+        let newest = generations.iter().rev().take(KEPT_GENERATIONS);
+        map.prune(&newest.map(|it| it.number).collect())?;
+    }
     Ok(())
 }
 

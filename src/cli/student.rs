@@ -2,7 +2,7 @@
 //!
 //! Each located image becomes a visit of its place: it was seen there, so it is learnt as if somebody
 //! had said so. Every few seconds what was learnt is committed as a generation, and localising goes on
-//! with it. An image that was learnt before is not learnt again, and one that does not agree with what was
+//! with it; less often where a commit takes long. An image that was learnt before is not learnt again, and one that does not agree with what was
 //! predicted of its place is held until somebody accepts it (`map accept`).
 
 use std::sync::Arc;
@@ -20,8 +20,12 @@ use super::pictures::Picture;
 /// Commits are at least this far apart.
 const COMMIT_INTERVAL: Duration = Duration::from_secs(1);
 
-/// Of a map within a budget, so many generations can be returned to.
-const KEPT_GENERATIONS: usize = 8;
+/// After a commit, so many times as long as it took passes before the next.
+const REST_PER_COMMIT: u32 = 9;
+
+/// A map within a budget has at most so many generations; then all but the last few go, which writes the file anew.
+const MOST_GENERATIONS: usize = 8;
+const KEPT_GENERATIONS: usize = 4;
 
 pub(super) struct Student {
     map: Map,
@@ -117,8 +121,10 @@ impl Student {
     }
 
     fn commit(&mut self) -> Result<Arc<Snapshot>> {
+        let begun = Instant::now();
         store(&self.map, &mut self.learner)?;
-        self.next_commit = Instant::now() + COMMIT_INTERVAL;
+        let rest = REST_PER_COMMIT * begun.elapsed();
+        self.next_commit = Instant::now() + rest.max(COMMIT_INTERVAL);
         Ok(self.map.snapshot())
     }
 
@@ -162,7 +168,7 @@ pub(super) fn store(map: &Map, learner: &mut Learner) -> Result<u64> {
     if learner.cfg().budget().is_bounded() {
         let generations = map.generations()?;
         let is_anew = (generations.last()).is_some_and(|it| it.parent == Some(0) && it.number > 1);
-        if is_anew {
+        if is_anew && generations.len() > MOST_GENERATIONS {
             let newest = generations.iter().rev().take(KEPT_GENERATIONS);
             map.prune(&newest.map(|it| it.number).collect())?;
         }

@@ -78,7 +78,7 @@ pub(super) struct LocalizeArgs {
     track: bool,
     /// Whether to keep what is worked out of the map in a file beside it, MAP.*.query, so that the next
     /// call starts at once: `auto` where that took more than a second. Answers are the same without, and
-    /// the files may be deleted at any time. The experience methods and --learn have none.
+    /// the files may be deleted at any time. --learn has none.
     #[arg(long, value_name = "WHEN", default_value_t, value_parser = named::<QueryForm>(QueryForm::ALL.map(QueryForm::name)))]
     query_form: QueryForm,
     /// One JSON object for each image.
@@ -116,7 +116,11 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
     };
     let needs_time = config.localize.method().needs_time();
     let (trace, results) = args.outputs(out)?;
-    let localizer = open(path, learnt.as_ref(), config.localize, args.query_form)?;
+    let localizer = match &learnt {
+        Some(map) => Localizer::new(map.snapshot(), config.localize)
+            .map_err(|error| error.with_path(path))?,
+        None => Localizer::open_by(path, config.localize, args.query_form)?,
+    };
     let mut guide = Guide::new(path, localizer, args.mask.as_deref(), trace, results)?;
     if args.track {
         guide.track(config.motion)?;
@@ -451,37 +455,6 @@ fn both(a: Option<&GrayImage>, b: Option<&GrayImage>) -> crate::Result<Option<Gr
     let pixels = a.data().iter().zip(b.data());
     let pixels = pixels.map(|(&a, &b)| a.min(b)).collect();
     GrayImage::new(a.width(), a.height(), pixels).map(Some)
-}
-
-/// Opens the map at `path`, which is open already if it is to be learnt into.
-fn open(
-    path: &Path,
-    learnt: Option<&Map>,
-    cfg: LocalizerConfig,
-    form: QueryForm,
-) -> crate::Result<Localizer> {
-    let snapshot = match learnt {
-        Some(map) => map.snapshot(),
-        None if cfg.method().predicts() => return Localizer::open_by(path, cfg, form),
-        None => Map::open_read_only(path)?.snapshot(),
-    };
-    check_experiences(&snapshot, &cfg)
-        .and_then(|()| Localizer::new(snapshot, cfg))
-        .map_err(|error| error.with_path(path))
-}
-
-/// FreEx needs to know which experience would have located which visit.
-fn check_experiences(snapshot: &Snapshot, cfg: &LocalizerConfig) -> crate::Result<()> {
-    let is_unknown =
-        (snapshot.nodes.iter()).any(|node| node.experience_log.num_visits() != node.visits.len());
-    if cfg.method() == Method::Freex && is_unknown {
-        return Err(Error::new(
-            ErrorKind::Config,
-            "this map does not say which experiences located which visits, which method `freex` needs",
-        )
-        .with_help("use method `experience` or `fremen`"));
-    }
-    Ok(())
 }
 
 /// Says so if `time` lies before the map's visits or far after them; answers are given all the same.

@@ -15,10 +15,10 @@
 //! to 64 places, each with a CRC-32 of its own so that threads read them side by side, then the contents:
 //! JSON of what holds for the whole map and of where each block lies. For each feature 32 bytes of
 //! descriptor, 16 of keypoint, and `8 + 18 l` of a model of order l (the mean: 8); a bit for each of its
-//! visits.
+//! visits. Kept appearances, 48 bytes a feature, are there only for a method that matches them; which of them
+//! it matches at what time is worked out again.
 //!
-//! Kept appearances are left out, so a method that matches them has no query form, and neither has a map with
-//! a model that is neither [`Fremen`] nor [`Mean`].
+//! A map with a model that is neither [`Fremen`] nor [`Mean`] has no query form.
 
 use std::fmt;
 use std::fs::File;
@@ -52,7 +52,7 @@ use crate::visibility::{BitRow, Fremen, Mean, VisibilityModel, Visits};
 
 const MAGIC: [u8; 8] = *b"CHRQUERY";
 /// Grows when bytes or what they lead to change their meaning.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 const HEAD_BYTES: usize = 64;
 /// Places that a thread reads at a time.
 const PLACES_PER_BLOCK: usize = 64;
@@ -60,7 +60,8 @@ const PLACES_PER_BLOCK: usize = 64;
 const BLOCKS_PER_WAVE: usize = 16;
 /// In place of a set of rhythms, where a model is the mean.
 const NO_RHYTHMS: u32 = u32::MAX;
-/// A map that takes longer to open has a query form by [`QueryForm::Auto`].
+/// A map that takes longer to open has a query form by [`QueryForm::Auto`]: measured were 0.4 s for 5 places
+/// with 60 visits, for which no file should appear, and 8 s (0.4 s by the query form) for 6 with 4,644.
 const SLOW: Duration = Duration::from_secs(1);
 
 /// Query forms that this process has begun to write, so that no two threads write to one file.
@@ -145,11 +146,12 @@ struct Contents {
     blocks: Vec<Block>,
 }
 
-/// A model in the form that is kept.
-enum Model<'a> {
+/// What a place is matched by, in the form that is kept.
+enum Kept<'a> {
     /// With the position of its rhythms among those of the map.
     Fremen(&'a Fremen, u32),
     Mean(&'a Mean),
+    Appearances,
 }
 
 /// Where some places lie.
@@ -173,15 +175,14 @@ impl Localizer {
     /// is one that fits the map; else one is made, if `form` says so.
     ///
     /// As [`Localizer::new`] on the snapshot of [`Map::open_read_only`], with the same answers; but once there
-    /// is a query form, the file is not read as a whole, and what is left of kept appearances is that they
-    /// were kept: its snapshot is for localising, not for committing, and a calibration that is attached to it
-    /// ([`Localizer::to_attachment`]) does not fit the map. Fails as these two do; that a query form cannot be
-    /// written is no failure.
+    /// is a query form, the file is not read as a whole, and unless the method matches kept appearances, what
+    /// is left of them is that they were kept: its snapshot is for localising, not for committing, and a
+    /// calibration that is attached to it ([`Localizer::to_attachment`]) does not fit the map. Fails as these
+    /// two do; that a query form cannot be written is no failure.
     pub fn open_by(path: impl AsRef<Path>, cfg: LocalizerConfig, form: QueryForm) -> Result<Self> {
         let path = path.as_ref();
         let start = Instant::now();
-        let can_have_one = cfg.method().predicts() && form != QueryForm::Never;
-        if can_have_one {
+        if form != QueryForm::Never {
             let stamp = Stamp::read(path)?;
             let file = query_form_path(path, stamp, &cfg);
             if let Some(localizer) = read(&file, &fingerprint(stamp, &cfg), &cfg) {
@@ -191,7 +192,7 @@ impl Localizer {
         }
         let snapshot = Map::open_read_only(path)?.snapshot();
         let localizer = Self::new(snapshot, cfg).map_err(|error| error.with_path(path))?;
-        if can_have_one && form.is_worth_writing(start.elapsed()) {
+        if form.is_worth_writing(start.elapsed()) {
             localizer.keep_query_form(path);
         }
         Ok(localizer)
@@ -224,35 +225,37 @@ impl Localizer {
 
     /// Whether it could be written: every model must have the form that is kept.
     fn write_query_form(&self, path: &Path, fingerprint: &Fingerprint) -> io::Result<bool> {
-        let mut models = Vec::with_capacity(self.plans.len());
+        let mut kept = Vec::with_capacity(self.plans.len());
         let mut rhythms: Vec<CandidatePeriods> = Vec::new();
         for plan in &self.plans {
-            let Plan::Predicted { model, .. } = plan.as_ref() else {
-                return Ok(false);
-            };
-            models.push(if let Some(model) = model.as_fremen() {
-                let known = rhythms.iter().position(|it| it == model.candidates());
-                if known.is_none() {
-                    rhythms.push(model.candidates().clone());
+            kept.push(match plan.as_ref() {
+                Plan::Appearances { .. } => Kept::Appearances,
+                Plan::Predicted { model, .. } => {
+                    if let Some(model) = model.as_fremen() {
+                        let known = rhythms.iter().position(|it| it == model.candidates());
+                        if known.is_none() {
+                            rhythms.push(model.candidates().clone());
+                        }
+                        Kept::Fremen(model, known.unwrap_or(rhythms.len() - 1) as u32)
+                    } else if let Some(model) = model.as_mean() {
+                        Kept::Mean(model)
+                    } else {
+                        return Ok(false);
+                    }
                 }
-                Model::Fremen(model, known.unwrap_or(rhythms.len() - 1) as u32)
-            } else if let Some(model) = model.as_mean() {
-                Model::Mean(model)
-            } else {
-                return Ok(false);
             });
         }
         let mut file = BufWriter::new(File::create_new(path)?);
         file.write_all(&[0; HEAD_BYTES])?;
         let mut end = HEAD_BYTES as u64;
-        let places: Vec<_> = self.snapshot.nodes.iter().zip(&models).collect();
+        let places: Vec<_> = self.snapshot.nodes.iter().zip(&kept).collect();
         let mut blocks = Vec::new();
         for wave in places.chunks(PLACES_PER_BLOCK * BLOCKS_PER_WAVE) {
             let wave: Vec<(usize, Vec<u8>)> = (wave.par_chunks(PLACES_PER_BLOCK))
                 .map(|places| {
                     let mut bytes = Vec::new();
-                    for (node, model) in places {
-                        put_place(&mut bytes, node, model);
+                    for (node, kept) in places {
+                        put_place(&mut bytes, node, kept);
                     }
                     (places.len(), bytes)
                 })
@@ -431,7 +434,7 @@ fn parse(file: &[u8], fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Optio
         end = end.checked_add(block.len)?;
     }
     let blocks = (contents.blocks.par_iter())
-        .map(|block| read_block(file, block, &contents.rhythms))
+        .map(|block| read_block(file, block, &contents.rhythms, cfg))
         .collect::<Option<Vec<_>>>()?;
     let num_places = blocks.iter().map(Vec::len).sum();
     let (mut nodes, mut plans) = (
@@ -486,12 +489,13 @@ fn read_block(
     file: &[u8],
     block: &Block,
     rhythms: &[CandidatePeriods],
+    cfg: &LocalizerConfig,
 ) -> Option<Vec<(Node, Plan)>> {
     let start = usize::try_from(block.start).ok()?;
     let end = start.checked_add(usize::try_from(block.len).ok()?)?;
     let mut reader = Reader(checked(file.get(start..end)?, block.crc)?);
     let places = (0..block.num_places)
-        .map(|_| reader.place(rhythms))
+        .map(|_| reader.place(rhythms, cfg))
         .collect::<Option<Vec<_>>>()?;
     reader.0.is_empty().then_some(places)
 }
@@ -514,10 +518,22 @@ fn put_numbers(bytes: &mut Vec<u8>, numbers: &[f64]) {
     bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
 }
 
-fn put_model(bytes: &mut Vec<u8>, model: &Model<'_>) {
-    let (model, rhythms) = match *model {
-        Model::Fremen(model, rhythms) => (model, rhythms),
-        Model::Mean(model) => {
+fn put_features(bytes: &mut Vec<u8>, features: &Features) {
+    put_count(bytes, features.len());
+    for it in features.keypoints() {
+        let numbers = [it.x, it.y, it.size, it.response];
+        bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+    }
+    for descriptor in features.descriptors() {
+        bytes.extend_from_slice(&descriptor.to_bytes());
+    }
+}
+
+fn put_model(bytes: &mut Vec<u8>, kept: &Kept<'_>) {
+    let (model, rhythms) = match *kept {
+        Kept::Appearances => return,
+        Kept::Fremen(model, rhythms) => (model, rhythms),
+        Kept::Mean(model) => {
             bytes.extend_from_slice(&NO_RHYTHMS.to_le_bytes());
             put_numbers(bytes, model.probabilities());
             return;
@@ -535,20 +551,13 @@ fn put_model(bytes: &mut Vec<u8>, model: &Model<'_>) {
     );
 }
 
-fn put_place(bytes: &mut Vec<u8>, node: &Node, model: &Model<'_>) {
+fn put_place(bytes: &mut Vec<u8>, node: &Node, kept: &Kept<'_>) {
     put_text(bytes, node.key.as_str());
     bytes.push(u8::from(node.pose.is_some()));
     for metres in node.pose.iter().flatten() {
         bytes.extend_from_slice(&metres.to_le_bytes());
     }
-    put_count(bytes, node.features.len());
-    for it in node.features.keypoints() {
-        let numbers = [it.x, it.y, it.size, it.response];
-        bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
-    }
-    for descriptor in node.features.descriptors() {
-        bytes.extend_from_slice(&descriptor.to_bytes());
-    }
+    put_features(bytes, &node.features);
     put_count(bytes, node.visits.len());
     for (index, visit) in node.visits.iter().enumerate() {
         bytes.extend_from_slice(&visit.id.0.to_le_bytes());
@@ -563,8 +572,13 @@ fn put_place(bytes: &mut Vec<u8>, node: &Node, model: &Model<'_>) {
             put_row(bytes, hidden);
         }
         put_row(bytes, node.experience_log.seen_row(index));
+        let appearance = (visit.appearance.as_ref()).filter(|_| matches!(kept, Kept::Appearances));
+        bytes.push(u8::from(appearance.is_some()));
+        if let Some(appearance) = appearance {
+            put_features(bytes, appearance);
+        }
     }
-    put_model(bytes, model);
+    put_model(bytes, kept);
 }
 
 /// Bytes from outside; every step says whether they went on so far.
@@ -641,7 +655,11 @@ impl<'a> Reader<'a> {
         Features::from_parts(keypoints, descriptors).ok()
     }
 
-    fn place(&mut self, rhythms: &[CandidatePeriods]) -> Option<(Node, Plan)> {
+    fn place(
+        &mut self,
+        rhythms: &[CandidatePeriods],
+        cfg: &LocalizerConfig,
+    ) -> Option<(Node, Plan)> {
         let mut node = Node::new(PlaceKey::new(self.text()?).ok()?);
         if self.u8()? != 0 {
             node.pose = Some(self.f64s(3)?.try_into().ok()?);
@@ -651,11 +669,18 @@ impl<'a> Reader<'a> {
         for _ in 0..num_visits {
             self.visit_into(&mut node)?;
         }
-        let model = self.model(node.features.len(), rhythms)?;
-        let witnesses = Witnesses::of(&node.log, Visits::All).ok()?;
-        let fits = node.log.num_features() == node.features.len();
-        let plan = Plan::Predicted { model, witnesses };
-        fits.then_some((node, plan))
+        if node.log.num_features() != node.features.len() {
+            return None;
+        }
+        let plan = if cfg.method().predicts() {
+            Plan::Predicted {
+                model: self.model(node.features.len(), rhythms)?,
+                witnesses: Witnesses::of(&node.log, Visits::All).ok()?,
+            }
+        } else {
+            Plan::of(&node, cfg).ok()?
+        };
+        Some((node, plan))
     }
 
     fn visit_into(&mut self, node: &mut Node) -> Option<()> {
@@ -674,6 +699,11 @@ impl<'a> Reader<'a> {
             Some(self.row()?)
         };
         let located_by = self.row()?;
+        let appearance = if self.u8()? == 0 {
+            None
+        } else {
+            Some(Arc::new(self.features()?))
+        };
         node.log.push_visit(time, seen, hidden).ok()?;
         (node.experience_log)
             .push_visit(time, located_by, None)
@@ -683,7 +713,7 @@ impl<'a> Reader<'a> {
             session,
             time,
             source,
-            appearance: None,
+            appearance,
             appearance_use,
         });
         Some(())

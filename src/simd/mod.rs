@@ -12,7 +12,8 @@
 //! side by side, so that no lane is ever added to its neighbour. The 9-bit distance and the row's
 //! number in its block form one 32-bit key `distance << 23 | row`; the unsigned minimum of keys is then
 //! the nearest row *with* the tie rule, and best and second best cost one maximum and two minima per
-//! 16 rows. Blocks of 1024 rows stay in the first-level cache while all queries pass over them. The
+//! 16 rows (with AVX-512 that holds for the first block; of later ones it only asks what is nearer still).
+//! Blocks of 1024 rows stay in the first-level cache while all queries pass over them. The
 //! popcount instruction is the one of Muła, Kurz and Lemire, "Faster population counts using AVX2
 //! instructions" (2018) where the CPU has none for vectors.
 //!
@@ -591,6 +592,12 @@ impl Kernel {
             let keys = &mut keys[..queries.len()];
             for (words, query) in words.iter_mut().zip(queries) {
                 *words = query.words();
+            }
+            #[cfg(target_arch = "x86_64")]
+            if self.0 == Kind::Avx512 && state.iter().all(NearestTwo::has_second) {
+                // SAFETY: a kernel of this kind exists only after its CPU features were detected.
+                unsafe { avx512::take_in_nearer(words, groups, &rows, base, state) };
+                continue;
             }
             match self.0 {
                 Kind::Scalar => scalar::two_smallest_keys(words, groups, rows.clone(), keys),

@@ -368,6 +368,38 @@ fn kernels_agree_across_block_borders() {
     }
 }
 
+#[test]
+fn kernels_agree_where_rows_come_nearer_and_nearer() {
+    // More rows at the greatest distance than a block has, then three at each distance down to 0: every
+    // group has rows that are nearer than all before, and ties.
+    let queries: Vec<_> = (0..8_u64)
+        .map(|q| Descriptor([q, q << 20, !q, q.wrapping_mul(0x9E37_79B9_7F4A_7C15)]))
+        .collect();
+    let at_distance = |query: &Descriptor, bits: usize| {
+        let mut row = *query;
+        for bit in 0..bits {
+            row.0[bit / 64] ^= 1 << (bit % 64);
+        }
+        row
+    };
+    let distances =
+        std::iter::repeat_n(256, 1030).chain((0..=256).rev().flat_map(|bits| [bits; 3]));
+    let train: Vec<_> = distances
+        .map(|bits| at_distance(&queries[0], bits))
+        .collect();
+    let expected = nearest_two_of_all(&queries, &train);
+    let last = train.len() as u32 - 3;
+    assert_eq!((expected[0].best, expected[0].second), (last, last + 1));
+    let packed = PackedDescriptors::pack(&train);
+    for kernel in Kernel::available() {
+        let mut out = vec![NearestTwo::EMPTY; queries.len()];
+        kernel.nearest_two(&queries, &train, &mut out);
+        assert_eq!(out, expected, "{kernel}");
+        kernel.nearest_two_packed(&queries, &packed, &mut out);
+        assert_eq!(out, expected, "{kernel} packed");
+    }
+}
+
 /// The rules of the module's documentation, one after the other, in `O(map * live)` each.
 fn matches_oracle(cfg: &MatchConfig, map: &Features, live: &Features) -> Vec<Match> {
     let from_map = cfg.direction() == Direction::MapToLive;

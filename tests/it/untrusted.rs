@@ -13,7 +13,9 @@ use chronotope::feature::{
 };
 use chronotope::learn::{LearnConfig, Learner, Observation};
 use chronotope::localize::trace::Trace;
-use chronotope::localize::{Localizer, LocalizerConfig, MotionConfig, Preset, Query};
+use chronotope::localize::{
+    Localizer, LocalizerConfig, Method, MotionConfig, Preset, Query, Score,
+};
 use chronotope::map::{Held, Map, MapMeta, SessionId, Snapshot, read_file_storage};
 use serde::de::DeserializeOwned;
 
@@ -308,22 +310,43 @@ pub(crate) fn exported_folder(bytes: &[u8]) {
     }
 }
 
+/// What query forms are made for, as the first byte of an input of [`query_form`] numbers them; it is not looked at
+/// otherwise, since a fuzzer gets behind the head of the file.
+fn query_form_cfgs() -> [LocalizerConfig; 4] {
+    let default = LocalizerConfig::preset(Preset::Default);
+    // Quick to make anew, which is what most inputs lead to.
+    let plain = (default.clone().with_score(Score::Inliers)).with_calibrated(false);
+    [
+        plain.clone(),
+        plain.clone().with_method(Method::Freex),
+        plain.with_method(Method::Static),
+        default,
+    ]
+}
+
 /// The query form beside a map: whatever it is, the map opens and answers.
 pub(crate) fn query_form(bytes: &[u8]) {
-    static FORM: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
-    let cfg = LocalizerConfig::preset(Preset::Default);
-    let (folder, form) = FORM.get_or_init(|| {
+    static FORMS: OnceLock<(tempfile::TempDir, Vec<PathBuf>)> = OnceLock::new();
+    let (folder, forms) = FORMS.get_or_init(|| {
         let folder = folder();
         let map = folder.path().join("a.map");
         std::fs::copy(repository("maps/golden/format-2.map"), &map).expect("writable");
-        Localizer::open(&map, LocalizerConfig::preset(Preset::Default)).expect("a map");
-        let is_form = |path: &PathBuf| path.extension().is_some_and(|it| it == "query");
-        let entries = std::fs::read_dir(folder.path()).expect("readable");
-        let mut files = entries.map(|entry| entry.expect("readable").path());
-        let form = files.find(is_form).expect("kept");
-        (folder, form)
+        let mut known = vec![map.clone()];
+        for cfg in query_form_cfgs() {
+            Localizer::open(&map, cfg).expect("a map");
+            let entries = std::fs::read_dir(folder.path()).expect("readable");
+            let mut files = entries.map(|entry| entry.expect("readable").path());
+            let form = files.find(|file| !known.contains(file));
+            known.push(form.expect("kept"));
+        }
+        (folder, known.split_off(1))
     });
-    std::fs::write(form, bytes).expect("writable");
+    let Some(first) = bytes.first() else {
+        return;
+    };
+    let number = usize::from(*first) % forms.len();
+    std::fs::write(&forms[number], bytes).expect("writable");
+    let cfg = query_form_cfgs()[number].clone();
     let localizer = Localizer::open(folder.path().join("a.map"), cfg).expect("a sound map");
     let mut scratch = localizer.scratch();
     for node in &localizer.snapshot().nodes {

@@ -144,19 +144,12 @@ struct Part {
     file_bytes: u64,
 }
 
-/// What happened while something went wrong.
-#[derive(Clone, Copy, Debug, Default)]
-struct InTrouble {
-    num_images: usize,
-    num_right: usize,
-    num_wrong: usize,
-}
-
 /// What the threads share.
 struct Shared {
     localizer: Mutex<Arc<Localizer>>,
     parts: Mutex<Vec<Part>>,
-    troubles: Mutex<[InTrouble; TROUBLES.len()]>,
+    /// The same for the time of each trouble.
+    troubles: Mutex<Vec<Part>>,
 }
 
 impl Shared {
@@ -206,7 +199,7 @@ pub fn run(options: &LiveOptions) -> Result<String> {
         shared: Shared {
             localizer: Mutex::new(Arc::new(localizer)),
             parts: Mutex::new(vec![Part::default(); NUM_PARTS]),
-            troubles: Mutex::default(),
+            troubles: Mutex::new(vec![Part::default(); TROUBLES.len()]),
         },
     };
     let (to_robot, frames) = sync_channel(QUEUE_LEN);
@@ -308,21 +301,18 @@ impl Drive<'_> {
             // A covered camera is nowhere.
             let is_right = is_right && frame.trouble != Some(Trouble::Black);
             let is_wrong = found.is_some() && !is_right;
-            self.shared.part(frame.part, |part| {
+            let count = |part: &mut Part| {
                 part.num_images += 1;
                 part.num_right += usize::from(is_right);
                 part.num_wrong += usize::from(is_wrong);
                 part.num_undecided += usize::from(found.is_none());
                 part.answer_us.push(answer_us);
-            });
-            if let Some(trouble) = frame.trouble
-                && let Some(index) = TROUBLES.iter().position(|&(_, it)| it == trouble)
-            {
+            };
+            self.shared.part(frame.part, count);
+            if let Some(index) = (TROUBLES.iter()).position(|it| Some(it.1) == frame.trouble) {
                 let mut troubles =
                     (self.shared.troubles.lock()).unwrap_or_else(PoisonError::into_inner);
-                troubles[index].num_images += 1;
-                troubles[index].num_right += usize::from(is_right);
-                troubles[index].num_wrong += usize::from(is_wrong);
+                count(&mut troubles[index]);
             }
             let Some(place) = found else { continue };
             let lesson = Lesson {

@@ -178,9 +178,12 @@ impl Localizer {
             })
             .collect();
         let plans = (snapshot.nodes.par_iter().zip(&is_same).enumerate())
-            .map(|(index, (node, &is_same))| match is_same {
-                true => Ok(Arc::clone(&self.plans[index])),
-                false => Plan::of(node, &self.cfg).map(Arc::new),
+            .map(|(index, (node, &is_same))| {
+                if is_same {
+                    Ok(Arc::clone(&self.plans[index]))
+                } else {
+                    Plan::of(node, &self.cfg).map(Arc::new)
+                }
             })
             .collect::<Result<_>>()?;
         let calibration = (self.calibration.as_ref())

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use chronotope_eval::compare_pooled::{POOLED_SUITES, compare_pooled};
 use chronotope_eval::report::{self, ReportInput};
 use chronotope_eval::results::SuiteResults;
@@ -50,6 +50,19 @@ enum Command {
         /// Show this number of features in detail.
         #[arg(long)]
         n: Option<u32>,
+        #[command(flatten)]
+        replays: Replays,
+    },
+    /// Asks a suite's queries of the default once more, for a trace or a recording; judges nothing.
+    Replay {
+        /// The suite; see `list`.
+        suite: String,
+        /// The dataset's folder, or the folder that holds several datasets.
+        #[arg(long, env = "CHRONOTOPE_DATA")]
+        data: Option<PathBuf>,
+        /// Where extracted features are kept from run to run.
+        #[arg(long, default_value = "target/eval/cache")]
+        cache: PathBuf,
         #[command(flatten)]
         replays: Replays,
     },
@@ -120,13 +133,17 @@ struct Replays {
 }
 
 impl Replays {
+    fn is_asked_for(&self) -> bool {
+        #[cfg(feature = "dashboard")]
+        let is_recorded = self.rerun.is_some();
+        #[cfg(not(feature = "dashboard"))]
+        let is_recorded = false;
+        self.trace.is_some() || is_recorded
+    }
+
     /// Says before a long run that nothing could be traced.
     fn check(&self, suite: &Suite) -> Result<()> {
-        #[cfg(feature = "dashboard")]
-        let is_asked_for = self.trace.is_some() || self.rerun.is_some();
-        #[cfg(not(feature = "dashboard"))]
-        let is_asked_for = self.trace.is_some();
-        if is_asked_for {
+        if self.is_asked_for() {
             replay::check(suite)?;
         }
         Ok(())
@@ -207,6 +224,25 @@ fn main_of(args: Args) -> Result<()> {
                 report::write(&input, &report)?;
                 eprintln!("wrote {} and {}", json.display(), report.display());
             }
+            replays.write(&suite, &options)?;
+        }
+        Command::Replay {
+            suite,
+            data,
+            cache,
+            replays,
+        } => {
+            ensure!(
+                replays.is_asked_for(),
+                "a replay needs somewhere to go (help: --trace OUT.jsonl)"
+            );
+            let suite = Suite::find(&suite)?;
+            let options = RunOptions {
+                data,
+                out: PathBuf::new(),
+                cache,
+                command: command_line(),
+            };
             replays.write(&suite, &options)?;
         }
         Command::Compare { a, b } => {

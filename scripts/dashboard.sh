@@ -17,7 +17,7 @@ cargo build --locked --manifest-path crates/dashboard/Cargo.toml
 
 say "learning, localising and recording"
 mkdir -p "$out"
-"${CARGO_TARGET_DIR:-target}/release/chronotope-eval" run synthetic --out "$out" \
+"${CARGO_TARGET_DIR:-target}/release/chronotope-eval" replay synthetic \
     --trace "$out/synthetic.jsonl" </dev/null
 "${CARGO_TARGET_DIR:-crates/dashboard/target}/debug/chronotope-dashboard" "$out/synthetic.jsonl" --save "$out/synthetic.rrd"
 [ -s "$out/synthetic.rrd" ] || fail "$out/synthetic.rrd was not written"

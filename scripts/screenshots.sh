@@ -38,15 +38,12 @@ photograph() {
     "$viewer/bin/python" scripts/photograph.py "$viewer/bin/rerun" "$1" "$2" "$max_bytes"
 }
 
-# show SUITE NAME [ARGUMENTS OF chronotope-eval run]: one picture of each page.
+# show SUITE NAME [ARGUMENTS OF chronotope-eval replay]: one picture of each page.
 show() {
     local suite=$1 name=$2
     shift 2
     say "$suite"
-    if [ ! -s "$out/$name.jsonl" ]; then
-        "$eval_command" run "$suite" "$@" --out "$out" --trace "$out/$name.part" </dev/null
-        mv "$out/$name.part" "$out/$name.jsonl"
-    fi
+    "$eval_command" replay "$suite" "$@" --cache "$out/cache" --trace "$out/$name.jsonl" </dev/null
     "$dashboard" "$out/$name.jsonl" --save "$out/$name.rrd"
     photograph "$out/$name.rrd" "docs/dashboard-$name.webp"
     "$dashboard" "$out/$name.jsonl" --save "$out/$name-why.rrd" --why

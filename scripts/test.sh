@@ -53,10 +53,16 @@ for kernel in $(kernels); do
 done
 
 # Last, because rerun takes minutes: no release, no debug information (crates/dashboard/Cargo.toml), and
-# no clippy, which would go through its 400 crates a second time.
-say "dashboard: fmt, tests"
+# no clippy, which would go through its 400 crates a second time. The evaluation with its feature
+# `dashboard` shares them (crates/dashboard/quick.toml): half a minute.
+say "dashboard: fmt, tests, the evaluation that records"
+dashboard_target=${CARGO_TARGET_DIR:-crates/dashboard/target}
 cargo fmt --manifest-path crates/dashboard/Cargo.toml --all --check
+cargo test --locked --no-run --manifest-path crates/dashboard/Cargo.toml
+cargo build --locked -p chronotope-eval --features dashboard \
+    --config crates/dashboard/quick.toml --target-dir "$dashboard_target"
 CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope") \
+    CHRONOTOPE_EVAL=$(realpath "$dashboard_target/debug/chronotope-eval") \
     cargo test --locked --manifest-path crates/dashboard/Cargo.toml </dev/null
 
 say "done"

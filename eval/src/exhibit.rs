@@ -12,7 +12,7 @@ use chronotope::Time;
 use chronotope::dataset::{Clock, Dataset, Entry};
 use chronotope::feature::GrayImage;
 use chronotope::localize::trace::{SpectrumSheet, telling};
-use chronotope::localize::{Localization, Localizer, Query};
+use chronotope::localize::{Decision, Localization, Localizer, Query};
 use chronotope::map::Node;
 use chronotope::predict::Selection;
 use chronotope::visibility::{self, VisibilityModel};
@@ -190,15 +190,15 @@ fn feature_picture(
         }
         let _ = write!(
             title,
-            ": {} of {} predicted features found where they belong ({})",
+            ": {} of {} predicted features found where they belong",
             first.num_inliers,
-            first.predicted.len(),
-            found.reason
+            first.predicted.len()
         );
     }
     Ok(FeaturePicture {
         image: asked.source.load()?,
         title,
+        note: format!("{}: {}.", decided(exhibit, found), found.reason),
         features,
     })
 }
@@ -214,6 +214,7 @@ fn curves(material: &Material, exhibit: &Exhibit) -> Vec<ProbabilityCurve> {
             let model = exhibit.localizer.model(id)?;
             Some(curve(
                 material,
+                exhibit,
                 snapshot.node(id),
                 model,
                 feature,
@@ -236,6 +237,7 @@ fn raster(material: &Material, exhibit: &Exhibit) -> Option<Raster> {
     let model = exhibit.localizer.model(id)?;
     let node = exhibit.localizer.snapshot().node(id);
     let times = node.log.times();
+    let along = along(material, exhibit);
     // The latest visits, if they are too many.
     let visits = times.len().saturating_sub(MAX_RASTER_VISITS)..times.len();
     let mut rows: Vec<(usize, f64, RasterRow)> = (0..model.num_features())
@@ -262,7 +264,7 @@ fn raster(material: &Material, exhibit: &Exhibit) -> Option<Raster> {
         place: node.key.as_str().to_owned(),
         num_features: model.num_features(),
         axis: axis(material),
-        times: times[visits].iter().map(|time| time.as_s()).collect(),
+        times: times[visits].iter().map(|&time| along(time)).collect(),
         rows: rows.into_iter().map(|(.., row)| row).collect(),
     })
 }
@@ -283,13 +285,37 @@ fn axis(material: &Material) -> TimeAxis {
     }
 }
 
+/// Where times lie on [`axis`]: seconds, or the number of the visit, from 1, where the index is no clock.
+fn along<'a>(material: &Material, exhibit: &'a Exhibit) -> impl Fn(Time) -> f64 + use<'a> {
+    let is_clock = material.dataset.clock == Clock::Real;
+    let mut visits = exhibit.times.clone();
+    visits.sort_unstable();
+    visits.dedup();
+    move |time| {
+        if is_clock {
+            return time.as_s();
+        }
+        let num_before = visits.partition_point(|&visit| visit < time);
+        let share = match (num_before.checked_sub(1), visits.get(num_before)) {
+            (Some(before), Some(&after)) if after > time => {
+                let before = visits[before];
+                time.since_s(before) / after.since_s(before) - 1.0
+            }
+            _ => 0.0,
+        };
+        num_before as f64 + 1.0 + share
+    }
+}
+
 fn curve(
     material: &Material,
+    exhibit: &Exhibit,
     node: &Node,
     model: &dyn VisibilityModel,
     feature: usize,
     query_time: Time,
 ) -> ProbabilityCurve {
+    let along = along(material, exhibit);
     let times = node.log.times();
     let ends = times.iter().chain(std::iter::once(&query_time));
     let start = ends.clone().min().copied().unwrap_or_default();
@@ -300,7 +326,7 @@ fn curve(
         .collect();
     let observations = (times.iter().zip(&history))
         .map(|(time, &seen)| Observation {
-            time: time.as_s(),
+            time: along(*time),
             seen,
         })
         .collect();
@@ -312,7 +338,7 @@ fn curve(
         .map(|i| {
             let us = i128::from(span_us) * i as i128 / CURVE_POINTS as i128;
             let time = start.plus_us(us as i64);
-            (time.as_s(), model.predict_one(feature, time))
+            (along(time), model.predict_one(feature, time))
         })
         .collect();
     let rhythm = model.components(feature);
@@ -332,7 +358,16 @@ fn curve(
         observations,
         curve,
         spectrum,
-        query_time: Some(query_time.as_s()),
+        query_time: Some(along(query_time)),
+    }
+}
+
+/// The decision as a word.
+fn decided(exhibit: &Exhibit, found: &Localization) -> String {
+    match found.decision {
+        Decision::At(node) => format!("Located at {}", exhibit.localizer.snapshot().node(node).key),
+        Decision::Ambiguous => "Ambiguous".into(),
+        Decision::Unknown => "Unknown".into(),
     }
 }
 
@@ -376,16 +411,11 @@ fn mistakes(
                 ),
                 query: GalleryImage {
                     image: Some(asked.source.load()?),
-                    caption: format!("asked: {}, {}", asked.place, when(&material.dataset, asked)),
+                    caption: format!("{}, {}", asked.place, when(&material.dataset, asked)),
                 },
-                truth: nearest(
-                    &material.dataset,
-                    entry,
-                    asked.place.as_str(),
-                    "the same place",
-                )?,
+                truth: nearest(&material.dataset, entry, asked.place.as_str())?,
                 answered: match &answer.first {
-                    Some(place) => nearest(&material.dataset, entry, place, "answered")?,
+                    Some(place) => nearest(&material.dataset, entry, place)?,
                     None => GalleryImage {
                         image: None,
                         caption: "no place scored".into(),
@@ -402,7 +432,7 @@ fn sureness(answer: &Answer) -> Option<f64> {
 }
 
 /// The other image of `place` that was taken closest in time.
-fn nearest(dataset: &Dataset, asked: usize, place: &str, what: &str) -> Result<GalleryImage> {
+fn nearest(dataset: &Dataset, asked: usize, place: &str) -> Result<GalleryImage> {
     let time = dataset.entries[asked].time;
     let closest = (dataset.entries.iter().enumerate())
         .filter(|&(index, entry)| index != asked && entry.place.as_str() == place)
@@ -410,11 +440,11 @@ fn nearest(dataset: &Dataset, asked: usize, place: &str, what: &str) -> Result<G
     Ok(match closest {
         Some((_, entry)) => GalleryImage {
             image: Some(load(entry)?),
-            caption: format!("{what}: {place}, {}", when(dataset, entry)),
+            caption: format!("{place}, {}", when(dataset, entry)),
         },
         None => GalleryImage {
             image: None,
-            caption: format!("{what}: {place}"),
+            caption: place.to_owned(),
         },
     })
 }
@@ -425,7 +455,8 @@ fn load(entry: &Entry) -> Result<GrayImage> {
 
 fn when(dataset: &Dataset, entry: &Entry) -> String {
     match dataset.clock {
-        Clock::Real => entry.time.to_string(),
+        // A space between date and time, where a narrow page may break.
+        Clock::Real => entry.time.to_string().replace('T', " "),
         Clock::None => format!("visit {}", &entry.id),
     }
 }

@@ -29,7 +29,8 @@ use crate::exhibit::Exhibit;
 use crate::material::Material;
 use crate::metrics::{self, Sample};
 use crate::results::{self, Answer, LeakCheck, Reobservation, SuiteResults};
-use crate::suite::{Arm, Protocol, Run, Suite};
+use crate::suite::{Arm, Protocol, Run, Suite, shipped};
+use crate::table::detail_n;
 
 /// Re-observation is judged on so many of the most likely features (T-RO 2017, table I).
 const TOP: usize = 10;
@@ -245,7 +246,7 @@ impl<'s> Tallies<'s> {
         if self.variants.len() > first_variant {
             return;
         }
-        let default = chronotope::localize::LocalizerConfig::default();
+        let default = shipped(self.has_clock);
         self.variants.extend(runs.iter().map(|run| VariantTally {
             preset: arm.preset,
             scores: run.scores.clone(),
@@ -405,15 +406,7 @@ impl<'s> Tallies<'s> {
             }
             results.reobservation.extend(reobserved);
         }
-        if !self.extraction_ms.is_empty() {
-            let (ms_p50, ms_p99) = metrics::p50_p99(&self.extraction_ms);
-            results.latency.push(results::StageLatency {
-                of: "all methods".into(),
-                stage: "decode and extract, two at a time".into(),
-                ms_p50,
-                ms_p99,
-            });
-        }
+        results.latency = latency(results, &self.extraction_ms);
         results.num_places = Some(self.num_places as u32);
         let folds = self.num_learnt.len().max(1);
         results.num_learnt_images = Some((self.num_learnt.iter().sum::<usize>() / folds) as u32);
@@ -652,4 +645,36 @@ fn ask(
         pairs_compared,
         reobserved,
     })
+}
+
+/// The stages of one image: its features, where they were not cached, and the default's answer.
+fn latency(results: &SuiteResults, extraction_ms: &[f64]) -> Vec<results::StageLatency> {
+    let located = (results.default_variant())
+        .zip(detail_n(results))
+        .and_then(|(variant, n)| results.row(&variant.at(n)))
+        .filter(|row| row.ms_p50 > 0.0);
+    let of = located.map_or("all methods".into(), |row| {
+        format!("default, n = {}", row.n)
+    });
+    let stages = [
+        (
+            "decode and extract, two at a time",
+            (!extraction_ms.is_empty()).then(|| metrics::p50_p99(extraction_ms)),
+        ),
+        (
+            "predict, match, decide",
+            located.map(|row| (row.ms_p50, row.ms_p99)),
+        ),
+    ];
+    (stages.into_iter())
+        .filter_map(|(stage, ms)| {
+            let (ms_p50, ms_p99) = ms?;
+            Some(results::StageLatency {
+                of: of.clone(),
+                stage: stage.into(),
+                ms_p50,
+                ms_p99,
+            })
+        })
+        .collect()
 }

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, ensure};
 use chronotope_eval::compare_pooled::{POOLED_SUITES, compare_pooled};
 use chronotope_eval::report::{self, ReportInput};
 use chronotope_eval::results::SuiteResults;
@@ -54,6 +54,19 @@ enum Command {
         /// Suites of series: the share of samples that thinning keeps [default: the suite's].
         #[arg(long)]
         share: Option<f64>,
+        #[command(flatten)]
+        replays: Replays,
+    },
+    /// Asks a suite's queries of the default once more, for a trace or a recording; judges nothing.
+    Replay {
+        /// The suite; see `list`.
+        suite: String,
+        /// The dataset's folder, or the folder that holds several datasets.
+        #[arg(long, env = "CHRONOTOPE_DATA")]
+        data: Option<PathBuf>,
+        /// Where extracted features are kept from run to run.
+        #[arg(long, default_value = "target/eval/cache")]
+        cache: PathBuf,
         #[command(flatten)]
         replays: Replays,
     },
@@ -126,13 +139,17 @@ struct Replays {
 }
 
 impl Replays {
+    fn is_asked_for(&self) -> bool {
+        #[cfg(feature = "dashboard")]
+        let is_recorded = self.rerun.is_some();
+        #[cfg(not(feature = "dashboard"))]
+        let is_recorded = false;
+        self.trace.is_some() || is_recorded
+    }
+
     /// Says before a long run that nothing could be traced.
     fn check(&self, suite: &Suite) -> Result<()> {
-        #[cfg(feature = "dashboard")]
-        let is_asked_for = self.trace.is_some() || self.rerun.is_some();
-        #[cfg(not(feature = "dashboard"))]
-        let is_asked_for = self.trace.is_some();
-        if is_asked_for {
+        if self.is_asked_for() {
             replay::check(suite)?;
         }
         Ok(())
@@ -181,9 +198,11 @@ fn main_of(args: Args) -> Result<()> {
         } => {
             let suite = Suite::find(&suite)?;
             replays.check(&suite)?;
-            if share.is_some() && !matches!(suite.protocol, Protocol::Series { .. }) {
-                bail!("--share is for suites of series; `{}` is none", suite.name);
-            }
+            ensure!(
+                share.is_none() || matches!(suite.protocol, Protocol::Series { .. }),
+                "--share is for suites of series; `{}` is none",
+                suite.name
+            );
             let options = RunOptions {
                 data,
                 cache: cache.unwrap_or_else(|| out.join("cache")),
@@ -191,33 +210,26 @@ fn main_of(args: Args) -> Result<()> {
                 share,
                 command: command_line(),
             };
-            std::fs::create_dir_all(&options.out)
-                .with_context(|| format!("cannot create {}", options.out.display()))?;
-            if let Some(results) = series::run(&suite, &options)? {
-                println!("{}", series::table(&results));
-                let json = options.out.join(format!("{}.json", results.suite));
-                results.write(&json)?;
-                let report = options.out.join("report.html");
-                report::write_series(&results, &report)?;
-                eprintln!("wrote {} and {}", json.display(), report.display());
-                return Ok(());
-            }
-            for (results, pictures) in run(&suite, &options)? {
-                println!("{}", table::render(&results, n));
-                let json = options.out.join(format!("{}.json", results.suite));
-                results.write(&json)?;
-                // A suite's own report has one fixed name; that of its control says so.
-                let report = match results.suite.strip_prefix(&format!("{}-", suite.name)) {
-                    Some(part) => options.out.join(format!("report-{part}.html")),
-                    None => options.out.join("report.html"),
-                };
-                let input = ReportInput {
-                    results: &results,
-                    pictures: &pictures,
-                };
-                report::write(&input, &report)?;
-                eprintln!("wrote {} and {}", json.display(), report.display());
-            }
+            run_suite(&suite, &options, n, &replays)?;
+        }
+        Command::Replay {
+            suite,
+            data,
+            cache,
+            replays,
+        } => {
+            ensure!(
+                replays.is_asked_for(),
+                "a replay needs somewhere to go (help: --trace OUT.jsonl)"
+            );
+            let suite = Suite::find(&suite)?;
+            let options = RunOptions {
+                data,
+                out: PathBuf::new(),
+                cache,
+                share: None,
+                command: command_line(),
+            };
             replays.write(&suite, &options)?;
         }
         Command::Compare { a, b } => {
@@ -268,6 +280,38 @@ fn main_of(args: Args) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Runs a suite, prints its tables, writes results and reports.
+fn run_suite(suite: &Suite, options: &RunOptions, n: Option<u32>, replays: &Replays) -> Result<()> {
+    std::fs::create_dir_all(&options.out)
+        .with_context(|| format!("cannot create {}", options.out.display()))?;
+    if let Some(results) = series::run(suite, options)? {
+        println!("{}", series::table(&results));
+        let json = options.out.join(format!("{}.json", results.suite));
+        results.write(&json)?;
+        let report = options.out.join("report.html");
+        report::write_series(&results, &report)?;
+        eprintln!("wrote {} and {}", json.display(), report.display());
+        return Ok(());
+    }
+    for (results, pictures) in run(suite, options)? {
+        println!("{}", table::render(&results, n));
+        let json = options.out.join(format!("{}.json", results.suite));
+        results.write(&json)?;
+        // A suite's own report has one fixed name; that of its control says so.
+        let report = match results.suite.strip_prefix(&format!("{}-", suite.name)) {
+            Some(part) => options.out.join(format!("report-{part}.html")),
+            None => options.out.join("report.html"),
+        };
+        let input = ReportInput {
+            results: &results,
+            pictures: &pictures,
+        };
+        report::write(&input, &report)?;
+        eprintln!("wrote {} and {}", json.display(), report.display());
+    }
+    replays.write(suite, options)
 }
 
 /// The command as typed; what is kept with the sources names no folders of one machine.

@@ -19,15 +19,13 @@ use anyhow::{Context, Result, bail};
 use chronotope::feature::Extractor;
 use chronotope::learn::LearnConfig;
 use chronotope::localize::trace::{Shot, Stage, Trace, TraceConfig, Tracer};
-use chronotope::localize::{
-    Localization, Localizer, LocalizerConfig, Method, Preset, Query, Scratch,
-};
+use chronotope::localize::{Localization, Localizer, Method, Preset, Query, Scratch};
 use chronotope::map::Snapshot;
 
 use crate::harness::{Fold, learn, times, without_twins};
 use crate::material::Material;
 use crate::run::{RunOptions, Worlds, extractor, images, progress, split_at};
-use crate::suite::{Arm, Protocol, Run, Suite};
+use crate::suite::{Arm, Protocol, Run, Suite, shipped};
 
 /// Asks every query of `suite` once more and gives its trace to `record`; returns their number.
 pub fn replay(
@@ -118,7 +116,7 @@ fn shown<'s>(suite: &'s Suite, material: &Material) -> Result<(&'s Arm, Run)> {
     let runs: Vec<(&Arm, Run)> = (suite.arms.iter())
         .flat_map(|arm| arm.runs(has_clock).into_iter().map(move |run| (arm, run)))
         .collect();
-    let default = LocalizerConfig::default();
+    let default = shipped(has_clock);
     let is_default =
         |(arm, run): &&(&Arm, Run)| arm.preset == Preset::Default && run.localizer == default;
     let is_fremen = |(_, run): &&(&Arm, Run)| run.localizer.method() == Method::Fremen;

@@ -235,18 +235,29 @@ impl Suite {
     }
 }
 
+/// What the shipped default does: without a clock, its static self.
+pub fn shipped(has_clock: bool) -> LocalizerConfig {
+    let cfg = LocalizerConfig::default();
+    if has_clock { cfg } else { timeless(cfg) }
+}
+
+/// `cfg` with a method that needs no time.
+fn timeless(cfg: LocalizerConfig) -> LocalizerConfig {
+    if cfg.method().needs_time() {
+        cfg.with_method(Method::Static)
+            .with_visibility(VisibilityConfig::mean())
+    } else {
+        cfg
+    }
+}
+
 impl Arm {
     /// The runs where times are no clock: a run that needs one is replaced by `static` and keeps its name,
     /// as the default configuration does without a time that it can use.
     pub fn runs_without_clock(&self) -> Vec<Run> {
         let mut runs = self.runs(true);
-        for run in runs
-            .iter_mut()
-            .filter(|run| run.localizer.method().needs_time())
-        {
-            run.localizer = (run.localizer.clone())
-                .with_method(Method::Static)
-                .with_visibility(VisibilityConfig::mean());
+        for run in &mut runs {
+            run.localizer = timeless(run.localizer.clone());
         }
         runs
     }
@@ -409,5 +420,16 @@ mod tests {
         let runs = suite.arms[0].runs(false);
         assert!(runs.iter().all(|run| !run.localizer.method().needs_time()));
         assert!(runs.len() >= 3);
+        for (has_clock, method) in [(true, Method::Fremen), (false, Method::Static)] {
+            let arms = suite
+                .arms
+                .iter()
+                .filter(|arm| arm.preset == Preset::Default);
+            let runs: Vec<Run> = arms.flat_map(|arm| arm.runs(has_clock)).collect();
+            let is_shipped = |run: &&Run| run.localizer == shipped(has_clock);
+            let ours: Vec<&Run> = runs.iter().filter(is_shipped).collect();
+            assert_eq!(ours.len(), 1, "clock: {has_clock}");
+            assert_eq!(ours[0].localizer.method(), method);
+        }
     }
 }

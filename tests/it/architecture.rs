@@ -246,6 +246,25 @@ fn tests_on_real_data_say_so_in_their_names() {
     );
 }
 
+/// Else the evaluation with its feature `dashboard` would build rerun a second time (minutes).
+#[test]
+fn both_lock_files_name_the_same_versions() {
+    let locked = |path: &str| -> BTreeSet<(String, String)> {
+        let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap();
+        let lock: toml::Table = text.parse().unwrap();
+        let text = |package: &toml::Value, key: &str| package[key].as_str().unwrap().to_owned();
+        (lock["package"].as_array().unwrap().iter())
+            .map(|package| (text(package, "name"), text(package, "version")))
+            .collect()
+    };
+    let (ours, dashboard) = (locked("Cargo.lock"), locked("crates/dashboard/Cargo.lock"));
+    let differ: Vec<_> = dashboard.difference(&ours).collect();
+    assert!(
+        differ.is_empty(),
+        "{differ:?} are in crates/dashboard/Cargo.lock alone (help: `cargo update --precise`)"
+    );
+}
+
 #[test]
 fn a_misnamed_test_on_real_data_is_found() {
     let source = "fn root() -> Option<PathBuf> {\n    var(\"CHRONOTOPE_DATA\")\n}\n\n\

@@ -9,6 +9,8 @@
 //! own does the rest) and of all processors, and how much memory the process held before the first query,
 //! after a tenth of the session, at its end and at most. Memory and processor time are those of Linux;
 //! elsewhere they are not shown. `--max-mib` makes it fail if recording and its queue ever held more.
+//! `--alternate 500` records every other 500 queries, and compares the processor time of both kinds: what
+//! else the machine does falls on both alike.
 #![allow(clippy::print_stdout)] // reason: the measurement is this example's output.
 
 use std::path::PathBuf;
@@ -52,6 +54,9 @@ struct Args {
     /// Fail if the process grows by more than this while it records, MiB.
     #[arg(long)]
     max_mib: Option<u64>,
+    /// Record only every other block of this many queries, and compare the two.
+    #[arg(long, value_name = "QUERIES")]
+    alternate: Option<usize>,
     /// Localise only, for comparison.
     #[arg(long)]
     without_recording: bool,
@@ -68,9 +73,9 @@ fn main() -> Result<()> {
         .collect();
     let start = schedule.query.first().copied().unwrap_or_default();
 
-    let destination = match args.connect {
-        Some(url) => Destination::Viewer(url),
-        None => Destination::File(args.save),
+    let destination = match &args.connect {
+        Some(url) => Destination::Viewer(url.clone()),
+        None => Destination::File(args.save.clone()),
     };
     // Pictures and points are what weighs: the tracer encodes no more pictures than the recorder draws.
     let cfg = RecorderConfig::default()
@@ -86,15 +91,28 @@ fn main() -> Result<()> {
     );
     let mut scratch = localizer.scratch();
     let mut answer = Localization::default();
-    let (mut localizing, mut recording) = (Duration::ZERO, Duration::ZERO);
-    let (idle_kib, idle_s) = (memory_kib("VmRSS:"), processor_s());
-    let mut early_kib = None;
+    let mut cost = Cost {
+        idle_s: processor_s(),
+        idle_kib: memory_kib("VmRSS:"),
+        ..Cost::default()
+    };
+    let mut blocks = Blocks::default();
     let began = Instant::now();
     for i in 0..args.queries {
         if let Some(hz) = args.hz {
             let due = began + Duration::from_secs_f64(i as f64 / hz);
             std::thread::sleep(due.saturating_duration_since(Instant::now()));
         }
+        let is_recorded = match args.alternate {
+            Some(size) => {
+                let block = i / size.max(1);
+                if i.is_multiple_of(size.max(1)) {
+                    blocks.next(block % 2 == 1);
+                }
+                block % 2 == 1
+            }
+            None => true,
+        };
         let picture = &pictures[i % pictures.len()];
         let time = start.plus_us(STEP_US * i as i64);
         let before = Instant::now();
@@ -108,7 +126,7 @@ fn main() -> Result<()> {
         };
         localizer.localize_into(&mut scratch, &query, &mut answer)?;
         let stages = [extract, Stage::since("localize", localize)];
-        localizing += before.elapsed();
+        cost.localizing += before.elapsed();
 
         let before = Instant::now();
         let shot = Shot {
@@ -122,39 +140,66 @@ fn main() -> Result<()> {
             live: &live,
             stages: &stages,
         };
-        if let Some(recorder) = &recorder {
+        if let Some(recorder) = recorder.as_ref().filter(|_| is_recorded) {
             recorder.record(tracer.trace(&localizer, &shot, &answer)?)?;
         }
-        recording += before.elapsed();
+        cost.recording += before.elapsed();
         if i == args.queries / 10 {
-            early_kib = memory_kib("VmRSS:");
+            cost.early_kib = memory_kib("VmRSS:");
         }
     }
-    let late_kib = memory_kib("VmRSS:");
-    recorder.map_or(Ok(0), Background::finish)?;
+    cost.late_kib = memory_kib("VmRSS:");
+    cost.num_recorded = recorder.map_or(Ok(0), Background::finish)?;
+    blocks.end();
+    cost.print(&args)?;
+    blocks.print(args.alternate.unwrap_or_default());
+    Ok(())
+}
 
-    let num = args.queries.max(1) as f64;
-    let ms = |seconds: f64| seconds * 1e3 / num;
-    let (localizing, recording) = (localizing.as_secs_f64(), recording.as_secs_f64());
-    println!(
-        "{} queries, every {}th picture recorded",
-        args.queries, args.image_every
-    );
-    println!(
-        "localising {:.2} ms a query, recording {:.3} ms of the robot's loop: {:.1} %",
-        ms(localizing),
-        ms(recording),
-        100.0 * recording / localizing.max(f64::MIN_POSITIVE)
-    );
-    if let (Some(before), Some(after)) = (idle_s, processor_s()) {
+/// What a session took.
+#[derive(Default)]
+struct Cost {
+    num_recorded: u64,
+    /// Of the robot's own loop.
+    localizing: Duration,
+    recording: Duration,
+    /// Of all threads before the first query, s.
+    idle_s: Option<f64>,
+    /// Resident memory before the first query, after a tenth of them, and after the last.
+    idle_kib: Option<u64>,
+    early_kib: Option<u64>,
+    late_kib: Option<u64>,
+}
+
+impl Cost {
+    fn print(&self, args: &Args) -> Result<()> {
+        let num = args.queries.max(1) as f64;
+        let num_recorded = (self.num_recorded as f64).max(1.0);
+        let localizing_ms = self.localizing.as_secs_f64() * 1e3 / num;
+        let recording_ms = self.recording.as_secs_f64() * 1e3 / num_recorded;
         println!(
-            "processor time in all: {:.2} ms a query",
-            ms(after - before)
+            "{} queries, {} recorded, every {}th with its picture",
+            args.queries, self.num_recorded, args.image_every
         );
-    }
-    if let (Some(idle), Some(early), Some(late), Some(most)) =
-        (idle_kib, early_kib, late_kib, memory_kib("VmHWM:"))
-    {
+        println!(
+            "localising {localizing_ms:.2} ms a query, recording {recording_ms:.3} ms of the robot's loop: \
+             {:.1} %",
+            100.0 * recording_ms / localizing_ms.max(f64::MIN_POSITIVE)
+        );
+        if let (Some(before), Some(after)) = (self.idle_s, processor_s()) {
+            println!(
+                "processor time in all: {:.2} ms a query",
+                (after - before) * 1e3 / num
+            );
+        }
+        let (Some(idle), Some(early), Some(late), Some(most)) = (
+            self.idle_kib,
+            self.early_kib,
+            self.late_kib,
+            memory_kib("VmHWM:"),
+        ) else {
+            return Ok(());
+        };
         let mib = |kib: u64| kib / 1024;
         println!(
             "resident memory: {} MiB before, {} MiB after a tenth, {} MiB at the end, {} MiB at most",
@@ -168,8 +213,57 @@ fn main() -> Result<()> {
             args.max_mib.is_none_or(|max| grown <= max),
             "it grew by {grown} MiB while it recorded"
         );
+        Ok(())
     }
-    Ok(())
+}
+
+/// Processor time of blocks of queries, alternately without and with recording.
+#[derive(Default)]
+struct Blocks {
+    /// Whether the block that runs is recorded, and the processor time when it began, s.
+    running: Option<(bool, f64)>,
+    /// Processor time of each finished block, s.
+    without: Vec<f64>,
+    with: Vec<f64>,
+}
+
+impl Blocks {
+    fn next(&mut self, is_recorded: bool) {
+        self.end();
+        self.running = processor_s().map(|now| (is_recorded, now));
+    }
+
+    fn end(&mut self) {
+        if let (Some((is_recorded, began)), Some(now)) = (self.running.take(), processor_s()) {
+            let finished = if is_recorded {
+                &mut self.with
+            } else {
+                &mut self.without
+            };
+            finished.push(now - began);
+        }
+    }
+
+    /// The median of each kind; a block that was cut short counts as the others do.
+    fn print(&self, size: usize) {
+        let median = |of: &[f64]| -> Option<f64> {
+            let mut sorted = of.to_vec();
+            sorted.sort_by(f64::total_cmp);
+            sorted.get(sorted.len() / 2).copied()
+        };
+        if let (Some(without), Some(with)) = (median(&self.without), median(&self.with)) {
+            let ms = |seconds: f64| seconds * 1e3 / size.max(1) as f64;
+            println!(
+                "processor time of {} and {} blocks of {size}: {:.2} ms a query without recording, {:.2} ms \
+                 with it: {:+.1} %",
+                self.without.len(),
+                self.with.len(),
+                ms(without),
+                ms(with),
+                100.0 * (with - without) / without.max(f64::MIN_POSITIVE)
+            );
+        }
+    }
 }
 
 fn learn(world: &World, schedule: &Schedule, extractor: &StarBrief) -> Result<Localizer> {

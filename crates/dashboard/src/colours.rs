@@ -33,6 +33,12 @@ const SERIES: [[u8; 3]; 9] = [
     [165, 120, 85],
 ];
 
+/// What people call the first of [`series`]; `None` where names would no longer tell them apart.
+pub(crate) fn series_name(index: usize) -> Option<&'static str> {
+    const NAMES: [&str; 7] = ["blue", "orange", "green", "yellow", "pink", "red", "violet"];
+    NAMES.get(index).copied()
+}
+
 const PROBABILITY: [[f32; 3]; 5] = [
     [110.0, 115.0, 160.0],
     [85.0, 140.0, 175.0],

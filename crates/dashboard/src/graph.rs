@@ -2,7 +2,8 @@
 //!
 //! By its pose, seen from above (x to the right, y up), scaled so that the map fits; the places of a map
 //! without poses stand on a circle in order of their creation, and those without pose in a map with some
-//! stand in a row below it.
+//! stand in a row below it. Where names would lie over each other, places stand a little above or below
+//! their poses.
 
 use std::f64::consts::TAU;
 
@@ -11,8 +12,52 @@ use chronotope::localize::trace::MapSheet;
 /// Width of the drawing.
 const SIZE: f64 = 400.0;
 
-/// One position for each place of the map.
-pub(crate) fn positions(map: &MapSheet) -> Vec<[f32; 2]> {
+/// About the width of a letter of a name, and the frame around it, as the viewer draws them.
+const LETTER: f32 = 6.8;
+const FRAME: f32 = 14.0;
+/// From one row of names to the next.
+const ROW: f32 = 36.0;
+/// Steps above and below a pose that are tried.
+const MAX_ROWS: i16 = 4;
+/// Of more places nobody reads names.
+const MAX_NAMED: usize = 100;
+
+/// One position for each place of the map; `names` are those of the places, in order.
+pub(crate) fn positions(map: &MapSheet, names: &[&str]) -> Vec<[f32; 2]> {
+    let at = by_pose(map);
+    if at.len() > MAX_NAMED {
+        return at;
+    }
+    let widths: Vec<f32> = (0..at.len())
+        .map(|node| name_width(names.get(node).copied().unwrap_or_default()))
+        .collect();
+    apart(&at, &widths)
+}
+
+/// The width of a place's name with all that may stand beside it.
+pub(crate) fn name_width(name: &str) -> f32 {
+    LETTER * (name.chars().count() + "HERE:  100 %".len()) as f32 + FRAME
+}
+
+/// Moves what would lie over an earlier one by rows, the nearest free row first; what has none stays.
+fn apart(at: &[[f32; 2]], widths: &[f32]) -> Vec<[f32; 2]> {
+    let mut placed: Vec<[f32; 2]> = Vec::new();
+    for (&[x, y], &width) in at.iter().zip(widths) {
+        let is_free = |candidate: f32| {
+            (placed.iter().zip(widths)).all(|(&[x2, y2], width2)| {
+                (x - x2).abs() >= 0.5 * (width + width2) || (candidate - y2).abs() >= 0.9 * ROW
+            })
+        };
+        let steps = (1..=MAX_ROWS).flat_map(|step| [step, -step]);
+        let rows = std::iter::once(0)
+            .chain(steps)
+            .map(|step| y + f32::from(step) * ROW);
+        placed.push([x, rows.into_iter().find(|&row| is_free(row)).unwrap_or(y)]);
+    }
+    placed
+}
+
+fn by_pose(map: &MapSheet) -> Vec<[f32; 2]> {
     let poses: Vec<[f64; 2]> = (map.places.iter())
         .filter_map(|place| place.pose)
         .map(|pose| [pose[0], -pose[1]])
@@ -76,12 +121,32 @@ mod tests {
 
     #[test]
     fn north_is_up_and_the_map_fits() {
-        let drawn = positions(&map(&[
-            Some([1000.0, 50.0, 3.0]),
-            Some([1010.0, 50.0, 0.0]),
-            Some([1010.0, 55.0, 0.0]),
-        ]));
+        let drawn = positions(
+            &map(&[
+                Some([1000.0, 50.0, 3.0]),
+                Some([1010.0, 50.0, 0.0]),
+                Some([1010.0, 55.0, 0.0]),
+            ]),
+            &[],
+        );
         assert_eq!(drawn, [[0.0, 200.0], [400.0, 200.0], [400.0, 0.0]]);
+    }
+
+    #[test]
+    fn names_of_a_straight_street_lie_apart() {
+        let mut street = map(&[None; 8]);
+        for (index, place) in street.places.iter_mut().enumerate() {
+            place.pose = Some([12.0 * index as f64, 3.0, 0.0]);
+        }
+        let drawn = positions(&street, &["place-00"; 8]);
+        let width = name_width("place-00");
+        for (i, a) in drawn.iter().enumerate() {
+            for b in &drawn[..i] {
+                let is_apart = (a[0] - b[0]).abs() >= width || (a[1] - b[1]).abs() >= 30.0;
+                assert!(is_apart, "{drawn:?}");
+            }
+        }
+        assert!(drawn.windows(2).all(|pair| pair[0][0] < pair[1][0]));
     }
 
     #[test]
@@ -95,13 +160,13 @@ mod tests {
                 Some([f64::INFINITY, 0.0, 0.0]),
             ],
         ] {
-            let drawn = positions(&map(&poses));
+            let drawn = positions(&map(&poses), &[]);
             assert_eq!(drawn.len(), poses.len());
             for (i, a) in drawn.iter().enumerate() {
                 assert!(a.iter().all(|value| value.is_finite()));
                 assert!(drawn[..i].iter().all(|b| a != b), "{drawn:?}");
             }
         }
-        assert!(positions(&map(&[])).is_empty());
+        assert!(positions(&map(&[]), &[]).is_empty());
     }
 }

@@ -9,16 +9,19 @@ use rerun::RecordingStream;
 use rerun::external::re_log_types::{BlueprintActivationCommand, LogMsg, RecordingId};
 use rerun::external::re_sdk_types::blueprint::archetypes::{
     ContainerBlueprint, PanelBlueprint, PlotLegend, ScalarAxis, TensorScalarMapping, TensorViewFit,
-    TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint, VisualBounds2D,
+    TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint, VisibleTimeRanges,
+    VisualBounds2D,
 };
 use rerun::external::re_sdk_types::blueprint::components::{
     ContainerKind, Corner2D, PanelState, PlayState, RootContainer, ViewFit,
 };
 use rerun::external::re_sdk_types::components::{Colormap, MagnificationFilter, Range1D};
-use rerun::external::re_sdk_types::datatypes::{Range2D, Uuid};
+use rerun::external::re_sdk_types::datatypes::{
+    Range2D, TimeInt, TimeRange, TimeRangeBoundary, Uuid, VisibleTimeRange,
+};
 use rerun::{ApplicationId, AsComponents, EncodedImage, RecordingStreamBuilder};
 
-use crate::{drawing, entities};
+use crate::{SIMILARITY_QUERIES, colours, drawing, entities};
 
 /// Of the live picture below predicted maps.
 const BACKGROUND_OPACITY: f32 = 0.3;
@@ -44,6 +47,10 @@ pub(crate) struct Contents {
     pub(crate) has_place_colours: bool,
     /// Features whose histories are shown.
     pub(crate) num_curves: usize,
+    /// Stages whose times are shown.
+    pub(crate) stages: Vec<String>,
+    /// What the frequencies of the spectrum count per; `None` without a spectrum.
+    pub(crate) spectrum_per: Option<String>,
     /// The extent of the graph.
     pub(crate) graph: Range2D,
     pub(crate) page: Page,
@@ -85,13 +92,23 @@ impl View {
         self
     }
 
-    fn series(name: &str, origin: &str, has_legend: bool) -> Self {
-        Self::new("TimeSeries", name, origin).with(
-            "PlotLegend",
-            PlotLegend::new()
-                .with_corner(Corner2D::LeftTop)
-                .with_visible(has_legend),
-        )
+    /// Lines over the latest queries: of a long session all of them would be one grey.
+    fn series(name: impl Into<String>, origin: &str, has_legend: bool) -> Self {
+        let latest = VisibleTimeRange {
+            timeline: entities::QUERY.into(),
+            range: TimeRange {
+                start: TimeRangeBoundary::CursorRelative(TimeInt(-(SIMILARITY_QUERIES as i64))),
+                end: TimeRangeBoundary::CursorRelative(TimeInt(0)),
+            },
+        };
+        Self::new("TimeSeries", name, origin)
+            .with(
+                "PlotLegend",
+                PlotLegend::new()
+                    .with_corner(Corner2D::LeftTop)
+                    .with_visible(has_legend),
+            )
+            .with("VisibleTimeRanges", VisibleTimeRanges::new([latest]))
     }
 
     fn pixels(name: impl Into<String>, origin: impl Into<String>, size: (f32, f32)) -> Self {
@@ -129,10 +146,8 @@ fn now(contents: &Contents) -> Part {
         (1.0, Part::View(view))
     });
     let decision = View::new("TextDocument", "Decision", entities::DECISION);
-    let graph = View::new("Graph", "Places: brighter = more probable", entities::GRAPH).with(
-        "VisualBounds2D",
-        VisualBounds2D::new(contents.graph.clone()),
-    );
+    let graph = View::new("Graph", "Places: brighter = more probable", entities::GRAPH)
+        .with("VisualBounds2D", VisualBounds2D::new(contents.graph));
     let bars = View::pixels(
         "Where it may be: posterior, %",
         entities::BARS,
@@ -140,9 +155,9 @@ fn now(contents: &Contents) -> Part {
     );
     let over_time = View::series(
         if contents.has_place_colours {
-            "The same over all queries (colours as on the left)"
+            "The same over the latest queries (colours as on the left)"
         } else {
-            "Posterior over all queries, %"
+            "Posterior over the latest queries, %"
         },
         entities::OVER_TIME,
         !contents.has_place_colours,
@@ -183,7 +198,10 @@ fn why(contents: &Contents) -> Part {
     });
     let spectrum = View::new(
         "BarChart",
-        "Rhythms of the first feature, cycles per year or day; grey: when visits came",
+        format!(
+            "Rhythms of the first feature, cycles per {}; grey: when visits came",
+            contents.spectrum_per.as_deref().unwrap_or("year or day")
+        ),
         entities::SPECTRUM,
     )
     .with("PlotLegend", PlotLegend::new().with_visible(false));
@@ -202,11 +220,7 @@ fn why(contents: &Contents) -> Part {
         "TensorViewFit",
         TensorViewFit::new().with_scaling(ViewFit::Fill),
     );
-    let latency = View::series(
-        "Latency by stage, ms, over all queries",
-        entities::LATENCY,
-        true,
-    );
+    let latency = latency(&contents.stages);
     let changes = View::new("TextDocument", "Map", entities::MAP_CHANGES);
     let mut left: Vec<(f32, Part)> = curves.collect();
     if left.is_empty() {
@@ -227,6 +241,21 @@ fn why(contents: &Contents) -> Part {
             ]),
         ),
     ])
+}
+
+/// Times of the stages; their colours stand in the title, where they hide nothing.
+fn latency(stages: &[String]) -> View {
+    let named: Option<Vec<String>> = (stages.iter().enumerate())
+        .map(|(index, stage)| Some(format!("{stage} {}", colours::series_name(index)?)))
+        .collect();
+    match named.filter(|named| !named.is_empty()) {
+        Some(named) => View::series(
+            format!("Latency, ms: {}", named.join(", ")),
+            entities::LATENCY,
+            false,
+        ),
+        None => View::series("Latency by stage, ms", entities::LATENCY, true),
+    }
 }
 
 /// Sends the layout into `recording`; viewers take it for this and later recordings.
@@ -306,12 +335,12 @@ impl Writer {
             Part::Row(parts) => {
                 let (shares, placed) = self.parts(parts)?;
                 let blueprint = ContainerBlueprint::new(ContainerKind::Horizontal);
-                self.container(blueprint.with_col_shares(shares), placed)
+                self.container(blueprint.with_col_shares(shares), &placed)
             }
             Part::Column(parts) => {
                 let (shares, placed) = self.parts(parts)?;
                 let blueprint = ContainerBlueprint::new(ContainerKind::Vertical);
-                self.container(blueprint.with_row_shares(shares), placed)
+                self.container(blueprint.with_row_shares(shares), &placed)
             }
             Part::Tabs(parts, front) => {
                 let mut placed = Vec::new();
@@ -325,7 +354,7 @@ impl Writer {
                 if let Some(front) = placed.get(front) {
                     blueprint = blueprint.with_active_tab(front.path.as_str());
                 }
-                self.container(blueprint, placed)
+                self.container(blueprint, &placed)
             }
         }
     }
@@ -340,7 +369,7 @@ impl Writer {
         Ok((shares, placed))
     }
 
-    fn container(&mut self, blueprint: ContainerBlueprint, parts: Vec<Placed>) -> Result<Placed> {
+    fn container(&mut self, blueprint: ContainerBlueprint, parts: &[Placed]) -> Result<Placed> {
         let id = self.next_id();
         let path = format!("container/{}", hyphenated(id));
         let blueprint = blueprint.with_contents(parts.iter().map(|part| part.path.as_str()));

@@ -10,6 +10,7 @@
 
 mod background;
 mod colours;
+mod contents;
 mod drawing;
 pub mod entities;
 mod graph;
@@ -18,6 +19,7 @@ mod reader;
 mod recorder;
 
 pub use background::Background;
+pub use contents::rows;
 pub use layout::Page;
 pub use reader::{MAX_LINE_BYTES, TraceReader};
 pub use recorder::{Destination, Recorder, RecorderConfig, SIMILARITY_QUERIES, SIMILARITY_ROWS};

@@ -22,6 +22,7 @@ use anyhow::{Context, Result, bail};
 use chronotope::Time;
 use chronotope::localize::trace::{CurveSheet, MapSheet, Trace, TracePoint};
 use chronotope::localize::{Candidate, Decision};
+use chronotope::map::PlaceKey;
 use rerun::external::re_sdk_types::datatypes::Range2D;
 use rerun::sink::{FileSink, FileSinkOptions};
 use rerun::{
@@ -79,8 +80,9 @@ impl Default for RecorderConfig {
 
 impl RecorderConfig {
     /// What is drawn, which is most of the cost, is drawn for at most every `n`-th query; 0: never. That is
-    /// the picture with its features, predicted maps, similarity, histories. Bars and graph are drawn
-    /// with it and wherever the decision changes; decision, posterior and latency are for every query.
+    /// the picture with its features, predicted maps, similarity, histories, bars and graph (the last two
+    /// wherever the decision changes, if there are no pictures); decision, posterior and latency are for
+    /// every query.
     #[must_use]
     pub fn with_image_every(mut self, n: u64) -> Self {
         self.image_every = n;
@@ -190,7 +192,10 @@ impl Recorder {
         self.latency(trace)?;
         self.remember_similarity(trace);
         let is_due = self.is_due(query, trace);
-        if is_due || self.decided != Some(trace.localization.decision) {
+        // Without any picture the decision is the only occasion.
+        let is_news =
+            self.cfg.image_every == 0 && self.decided != Some(trace.localization.decision);
+        if is_due || is_news {
             self.decided = Some(trace.localization.decision);
             self.graph(trace, &posterior)?;
             self.bars(trace, &posterior)?;
@@ -241,7 +246,9 @@ impl Recorder {
             num_predicted: trace.predicted.len().clamp(1, NUM_PREDICTED),
             has_place_colours: trace.places.len() <= MAX_FOLLOWED,
             num_curves: self.map.curves.len(),
-            graph: extent(&self.positions),
+            stages: stage_names(trace).into_iter().map(str::to_owned).collect(),
+            spectrum_per: (self.map.curves.first()).map(|curve| curve.spectrum.per.clone()),
+            graph: extent(&self.positions, &names(trace)),
             page: self.cfg.page,
         };
         layout::send(&self.stream, &contents)
@@ -250,7 +257,7 @@ impl Recorder {
     fn map_changed(&mut self, trace: &Trace<'_>, map: &MapSheet) -> Result<()> {
         let text = changes(trace, &self.map, map, self.is_arranged);
         (self.stream).log(entities::MAP_CHANGES, &TextDocument::from_markdown(text))?;
-        self.positions = graph::positions(map);
+        self.positions = graph::positions(map, &names(trace));
         self.map = map.clone();
         let edges = (map.edges.iter()).map(|edge| (edge.from.as_str(), edge.to.as_str()));
         let edges = GraphEdges::new(edges.collect::<Vec<_>>()).with_directed_edges();
@@ -390,8 +397,8 @@ impl Recorder {
         let decision = TextDocument::from_markdown(decision(trace));
         self.stream.log(entities::DECISION, &decision)?;
         if trace.places.len() <= MAX_FOLLOWED {
-            let names = trace.places.iter().map(|key| key.as_str());
-            let names: Vec<&str> = names.chain(["elsewhere"]).collect();
+            let mut names = names(trace);
+            names.push("elsewhere");
             let shares = posterior.iter().chain([&answer.elsewhere]);
             let percent: Vec<f64> = shares.map(|share| 100.0 * share).collect();
             return self.lines(entities::OVER_TIME, &names, &percent);
@@ -474,7 +481,7 @@ impl Recorder {
             Decision::At(node) => Some(node.0 as usize),
             Decision::Ambiguous | Decision::Unknown => None,
         };
-        let ids = trace.places.iter().map(|key| key.as_str());
+        let ids = names(trace);
         let labels =
             (trace.places.iter().zip(posterior).enumerate()).map(|(node, (key, share))| {
                 let marks = if here == Some(node) { "HERE: " } else { "" };
@@ -493,12 +500,9 @@ impl Recorder {
     }
 
     fn latency(&mut self, trace: &Trace<'_>) -> Result<()> {
-        let stages = trace.stages.iter();
-        let (names, values): (Vec<&str>, Vec<f64>) = stages
-            .map(|stage| (stage.name.as_ref(), stage.ms))
-            .chain([("total", trace.duration_ms)])
-            .unzip();
-        self.lines(entities::LATENCY, &names, &values)
+        let stages = trace.stages.iter().map(|stage| stage.ms);
+        let values: Vec<f64> = stages.chain([trace.duration_ms]).collect();
+        self.lines(entities::LATENCY, &stage_names(trace), &values)
     }
 
     /// The picture and the three classes of its features.
@@ -762,15 +766,17 @@ fn nanos(time: Time) -> i64 {
 
 /// A period for people.
 fn period(period_s: f64) -> String {
-    let units = [
-        (31_556_952.0, "years"),
-        (86_400.0, "days"),
-        (3_600.0, "hours"),
-    ];
+    let units = [(31_556_952.0, "year"), (86_400.0, "day"), (3_600.0, "hour")];
     let (unit_s, name) = (units.into_iter())
         .find(|(unit_s, _)| period_s >= 0.99 * unit_s)
-        .unwrap_or((60.0, "minutes"));
-    format!("rhythm of {:.3} {name}", period_s / unit_s)
+        .unwrap_or((60.0, "minute"));
+    match format!("{:.2}", period_s / unit_s).as_str() {
+        "1.00" => format!("rhythm of a {name}").replace("a hour", "an hour"),
+        count => {
+            let count = count.trim_end_matches('0').trim_end_matches('.');
+            format!("rhythm of {count} {name}s")
+        }
+    }
 }
 
 fn capitalised(text: &str) -> String {
@@ -867,9 +873,23 @@ fn changes(trace: &Trace<'_>, before: &MapSheet, map: &MapSheet, has_before: boo
     text
 }
 
-/// The part of the plane that holds all positions, with a margin for labels.
-fn extent(positions: &[[f32; 2]]) -> Range2D {
-    let range = |axis: usize| {
+/// The names of all places.
+fn names<'t>(trace: &'t Trace<'_>) -> Vec<&'t str> {
+    trace.places.iter().map(PlaceKey::as_str).collect()
+}
+
+/// The stages of a localisation, and their sum.
+fn stage_names<'t>(trace: &'t Trace<'_>) -> Vec<&'t str> {
+    (trace.stages.iter().map(|stage| stage.name.as_ref()))
+        .chain(["total"])
+        .collect()
+}
+
+/// The part of the plane that holds all positions, with a margin for their names.
+fn extent(positions: &[[f32; 2]], names: &[&str]) -> Range2D {
+    let widths = names.iter().map(|name| graph::name_width(name));
+    let half = 0.5 * f64::from(widths.fold(100.0, f32::max));
+    let range = |axis: usize, margin: f64| {
         let values = || {
             positions
                 .iter()
@@ -880,12 +900,12 @@ fn extent(positions: &[[f32; 2]]) -> Range2D {
         if low > high {
             [-100.0, 100.0]
         } else {
-            [low - 60.0, high + 60.0]
+            [low - margin, high + margin]
         }
     };
     Range2D {
-        x_range: range(0).into(),
-        y_range: range(1).into(),
+        x_range: range(0, half).into(),
+        y_range: range(1, 60.0).into(),
     }
 }
 

@@ -4,9 +4,8 @@
     reason = "a helper of tests; clippy only knows their functions"
 )]
 
-use std::collections::BTreeMap;
-use std::io::{BufReader, Write as _};
-use std::path::{Path, PathBuf};
+use std::io::Write as _;
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
@@ -17,18 +16,9 @@ use chronotope::learn::{LearnConfig, Learner, Observation};
 use chronotope::localize::trace::{Shot, Stage, TraceConfig, Tracer};
 use chronotope::localize::{Localizer, LocalizerConfig, Query};
 use chronotope::map::{Map, MapMeta, SessionId, Snapshot, derived_uuid};
-use chronotope_dashboard::{Background, Destination, RecorderConfig, entities};
-use rerun::external::re_log_encoding::DecoderApp;
-use rerun::log::{Chunk, LogMsg};
+use chronotope_dashboard::{Background, Destination, RecorderConfig, entities, rows};
 
 const NUM_QUERIES: usize = 4;
-
-/// A file in a folder of this test's own.
-fn scratch(test: &str, name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test);
-    std::fs::create_dir_all(&folder).unwrap();
-    folder.join(name)
-}
 
 /// A street of two places, learnt, and pictures to ask for with their times.
 struct Street {
@@ -112,7 +102,6 @@ impl Street {
 }
 
 fn dashboard(recording: &Path) -> Child {
-    let _ = std::fs::remove_file(recording);
     Command::new(env!("CARGO_BIN_EXE_chronotope-dashboard"))
         .arg("--save")
         .arg(recording)
@@ -122,24 +111,8 @@ fn dashboard(recording: &Path) -> Child {
         .unwrap()
 }
 
-/// The number of rows of each entity of a recording that can be read to its end.
-fn rows(recording: &Path) -> BTreeMap<String, usize> {
-    let file = BufReader::new(std::fs::File::open(recording).unwrap());
-    let mut rows = BTreeMap::new();
-    for message in DecoderApp::decode_lazy(file) {
-        if let LogMsg::ArrowMsg(_, message) = message.unwrap() {
-            let chunk = Chunk::from_arrow_msg(&message).unwrap();
-            let entity = chunk.entity_path().to_string();
-            *rows
-                .entry(entity.trim_start_matches('/').to_owned())
-                .or_insert(0) += chunk.num_rows();
-        }
-    }
-    rows
-}
-
 fn assert_complete(recording: &Path) {
-    let rows = rows(recording);
+    let rows = rows(recording).unwrap();
     for entity in [
         entities::DECISION,
         entities::LIVE_IMAGE,
@@ -151,7 +124,8 @@ fn assert_complete(recording: &Path) {
 
 #[test]
 fn a_pipe_becomes_a_recording() {
-    let recording = scratch("pipe", "pipe.rrd");
+    let folder = tempfile::tempdir().unwrap();
+    let recording = folder.path().join("pipe.rrd");
     let mut child = dashboard(&recording);
     let mut pipe = child.stdin.take().unwrap();
     pipe.write_all(Street::new().lines().as_bytes()).unwrap();
@@ -166,7 +140,8 @@ fn a_pipe_becomes_a_recording() {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_finishes_the_file_though_the_pipe_stays_open() {
-    let recording = scratch("interrupt", "interrupt.rrd");
+    let folder = tempfile::tempdir().unwrap();
+    let recording = folder.path().join("interrupt.rrd");
     let mut child = dashboard(&recording);
     let mut pipe = child.stdin.take().unwrap();
     pipe.write_all(Street::new().lines().as_bytes()).unwrap();
@@ -186,7 +161,8 @@ fn ctrl_c_finishes_the_file_though_the_pipe_stays_open() {
 
 #[test]
 fn a_thread_of_its_own_records_the_same() {
-    let recording = scratch("thread", "thread.rrd");
+    let folder = tempfile::tempdir().unwrap();
+    let recording = folder.path().join("thread.rrd");
     let background = Background::new(
         Destination::File(recording.clone()),
         RecorderConfig::default(),
@@ -197,6 +173,37 @@ fn a_thread_of_its_own_records_the_same() {
     assert_complete(&recording);
 }
 
+/// With an evaluation that was built with its feature `dashboard` in `CHRONOTOPE_EVAL`, as `make test` sets it.
+#[test]
+fn a_replay_recorded_at_once_holds_what_its_trace_gives() {
+    let Some(command) = std::env::var_os("CHRONOTOPE_EVAL") else {
+        println!("skipped: CHRONOTOPE_EVAL names no command `chronotope-eval`");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let replayed = Command::new(command)
+        .args(["replay", "synthetic", "--trace"])
+        .arg(at("trace.jsonl"))
+        .arg("--rerun")
+        .arg(at("at-once.rrd"))
+        .status()
+        .unwrap();
+    assert!(replayed.success(), "{replayed}");
+    let rendered = Command::new(env!("CARGO_BIN_EXE_chronotope-dashboard"))
+        .arg(at("trace.jsonl"))
+        .arg("--save")
+        .arg(at("later.rrd"))
+        .status()
+        .unwrap();
+    assert!(rendered.success(), "{rendered}");
+    let held = rows(&at("at-once.rrd")).unwrap();
+    assert_eq!(held, rows(&at("later.rrd")).unwrap());
+    let num_queries = held.get(entities::DECISION).copied().unwrap_or_default();
+    let trace = std::fs::read_to_string(at("trace.jsonl")).unwrap();
+    assert!(num_queries > 0 && num_queries == trace.lines().count());
+}
+
 /// With the command of the main workspace in `CHRONOTOPE_COMMAND`, as `make test` sets it.
 #[test]
 fn the_command_and_the_dashboard_speak_one_language() {
@@ -205,8 +212,8 @@ fn the_command_and_the_dashboard_speak_one_language() {
         return;
     };
     let street = Street::new();
-    let map_path = scratch("command", "street.map");
-    let _ = std::fs::remove_file(&map_path);
+    let folder = tempfile::tempdir().unwrap();
+    let map_path = folder.path().join("street.map");
     let snapshot = &street.snapshot;
     let map = Map::create(&map_path, snapshot.meta.clone()).unwrap();
     map.commit(snapshot).unwrap();
@@ -214,7 +221,7 @@ fn the_command_and_the_dashboard_speak_one_language() {
     let mut localize = Command::new(command);
     localize.arg("localize").arg(&map_path);
     for (index, (picture, _)) in street.asked.iter().enumerate() {
-        let path = scratch("command", &format!("{index}.png"));
+        let path = folder.path().join(format!("{index}.png"));
         let (width, height) = (picture.width() as u32, picture.height() as u32);
         image::GrayImage::from_raw(width, height, picture.data().to_vec())
             .unwrap()
@@ -224,8 +231,7 @@ fn the_command_and_the_dashboard_speak_one_language() {
     }
     localize.args(["--time", &street.asked[0].1.to_string(), "--trace", "-"]);
     let mut localize = localize.stdout(Stdio::piped()).spawn().unwrap();
-    let recording = scratch("command", "command.rrd");
-    let _ = std::fs::remove_file(&recording);
+    let recording = folder.path().join("command.rrd");
     let status = Command::new(env!("CARGO_BIN_EXE_chronotope-dashboard"))
         .arg("--save")
         .arg(&recording)

@@ -41,6 +41,20 @@ impl<T: fmt::Display> fmt::Display for Esc<T> {
     }
 }
 
+/// Text that breaks between words alone, so that neither `--out` nor a date is torn at a hyphen; what is
+/// wider than the page still breaks.
+pub(crate) struct Words<'a>(pub(crate) &'a str);
+
+impl fmt::Display for Words<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, word) in self.0.split(' ').enumerate() {
+            let space = if index > 0 { " " } else { "" };
+            write!(f, "{space}<span class=\"word\">{}</span>", Esc(word))?;
+        }
+        Ok(())
+    }
+}
+
 /// A signed number of points with a real minus sign.
 pub(crate) fn signed(value: f64) -> String {
     let text = format!("{value:+.1}");

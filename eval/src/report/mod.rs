@@ -56,8 +56,10 @@ pub struct PicturedFeature {
 pub struct FeaturePicture {
     /// The live image.
     pub image: GrayImage,
-    /// Place, time and method.
+    /// Place and time, and how much of the prediction came true.
     pub title: String,
+    /// What was decided, and why; nothing where it is empty.
+    pub note: String,
     /// Its features, and the predicted ones that it lacks.
     pub features: Vec<PicturedFeature>,
 }

@@ -5,7 +5,7 @@ use jiff::civil::DateTime;
 use jiff::tz::TimeZone;
 use jiff::{Span, Timestamp};
 
-use super::html::{Esc, data_uri, put};
+use super::html::{Esc, Words, data_uri, put};
 use super::plot::path;
 use super::raster::spectrum;
 use super::{FeatureClass, FeaturePicture, GalleryImage, Mistake, ProbabilityCurve, TimeAxis};
@@ -89,9 +89,13 @@ pub(super) fn features(pictures: &[FeaturePicture]) -> Result<String> {
             .iter()
             .map(|&class| format!("{} {}", count(class), class.words()))
             .collect();
+        let note = match picture.note.as_str() {
+            "" => String::new(),
+            note => format!("<p class=\"hint\">{}</p>", Esc(note)),
+        };
         put!(
             html,
-            "<figure class=\"picture\"><h3>{}</h3><svg class=\"scene\" viewBox=\"0 0 {width} {height}\" \
+            "<figure class=\"picture\"><h3>{}</h3>{note}<svg class=\"scene\" viewBox=\"0 0 {width} {height}\" \
              role=\"img\" aria-label=\"{}: {}\"><image width=\"{width}\" height=\"{height}\" \
              href=\"{}\"/>",
             Esc(&picture.title),
@@ -429,7 +433,7 @@ fn gallery(html: &mut String, role: &str, class: &str, image: &GalleryImage) -> 
     put!(
         html,
         "<figcaption>{}</figcaption></figure>",
-        Esc(&image.caption)
+        Words(&image.caption)
     );
     Ok(())
 }

@@ -164,13 +164,13 @@ pub(super) fn spectrum(html: &mut String, title: &str, sheet: &SpectrumSheet) {
         put!(html, "M{:.1} {:.1}V{:.1}", x(f), y(0.0), y(amplitude));
     }
     html.push_str("\"/>");
-    let whole = (1..=4).map(|i| first + (last - first) * f64::from(i) / 4.0);
-    for f in std::iter::once(first).chain(whole) {
+    for (f, text) in frequency_ticks(first, last) {
         put!(
             html,
-            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{f:.1}</text>",
-            x(f),
-            SPECTRUM_BOTTOM + 16.0
+            "<path class=\"tick\" d=\"M{x:.1} {SPECTRUM_BOTTOM}v5\"/><text x=\"{x:.1}\" y=\"{:.1}\" \
+             text-anchor=\"middle\">{text}</text>",
+            SPECTRUM_BOTTOM + 18.0,
+            x = x(f)
         );
     }
     put!(
@@ -179,6 +179,25 @@ pub(super) fn spectrum(html: &mut String, title: &str, sheet: &SpectrumSheet) {
         SPECTRUM_LEFT + width / 2.0,
         Esc(&sheet.per)
     );
+}
+
+/// At most seven round frequencies between two.
+fn frequency_ticks(first: f64, last: f64) -> Vec<(f64, String)> {
+    const STEPS: [f64; 3] = [1.0, 2.0, 5.0];
+    let span = last - first;
+    if !span.is_finite() || span <= 0.0 {
+        return vec![(first, format!("{first:.1}"))];
+    }
+    let decade = span.log10().floor() as i32 - 1;
+    let steps = (decade..=decade + 1).flat_map(|power| STEPS.map(|step| (step, power)));
+    let (step, power) = (steps.into_iter())
+        .find(|&(step, power)| span / (step * 10_f64.powi(power)) <= 6.0)
+        .unwrap_or((1.0, decade + 2));
+    let step = step * 10_f64.powi(power);
+    let decimals = (-power).max(0) as usize;
+    ((first / step).ceil() as i64..=(last / step).floor() as i64)
+        .map(|i| (i as f64 * step, format!("{:.decimals$}", i as f64 * step)))
+        .collect()
 }
 
 #[cfg(test)]
@@ -208,6 +227,22 @@ mod tests {
         assert_eq!(dots.split('"').next().unwrap().matches('M').count(), 2);
         assert!(html.contains("in 1 of 3 cells") && html.contains("a&lt;b"));
         assert!(section(None).is_empty());
+    }
+
+    #[test]
+    fn frequencies_are_marked_at_round_numbers() {
+        let texts = |first, last| -> Vec<String> {
+            let ticks = frequency_ticks(first, last);
+            assert!((2..=7).contains(&ticks.len()), "{ticks:?}");
+            assert!(ticks.iter().all(|(f, _)| (first..=last).contains(f)));
+            ticks.into_iter().map(|(_, text)| text).collect()
+        };
+        assert_eq!(texts(0.13, 2.6), ["0.5", "1.0", "1.5", "2.0", "2.5"]);
+        assert_eq!(texts(1.0, 12.0), ["2", "4", "6", "8", "10", "12"]);
+        for last in [0.01, 0.7, 3.3, 24.0, 99.0, 4_321.0] {
+            texts(last / 40.0, last);
+        }
+        assert_eq!(frequency_ticks(1.0, 1.0).len(), 1);
     }
 
     #[test]

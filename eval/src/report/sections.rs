@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::html::{Esc, put, signed};
+use super::html::{Esc, Words, put, signed};
 use super::plot::{Point, Scale, Series, SharePlot};
 use crate::metrics::{Confusion, PairedDifference};
 use crate::results::{Order, Row, SuiteResults, Variant};
@@ -100,16 +100,16 @@ pub(super) fn head(results: &SuiteResults) -> String {
         put!(
             html,
             "<p class=\"again\">Run it again: <code>{}</code></p>",
-            Esc(&results.command)
+            Words(&results.command)
         );
     }
     html.push_str("<details><summary>How this was measured</summary><dl class=\"facts\">");
     for (name, value) in header_lines(results) {
-        let value = Esc(value);
         if name == "Command" {
+            let value = Words(&value);
             put!(html, "<dt>{name}</dt><dd><code>{value}</code></dd>");
         } else {
-            put!(html, "<dt>{name}</dt><dd>{value}</dd>");
+            put!(html, "<dt>{name}</dt><dd>{}</dd>", Esc(value));
         }
     }
     for note in &results.notes {
@@ -268,6 +268,40 @@ fn words(results: &SuiteResults) -> String {
             "score: how probable matches and misses are at this place",
         ),
     ];
+    const OF_MODELS: [(&str, &str); 8] = [
+        (
+            "likeliest",
+            "the likeliest features, whether or not they cover the place\u{2019}s appearances",
+        ),
+        (
+            "covering",
+            "features that cover the place\u{2019}s appearances, for a score that goes with the likeliest",
+        ),
+        (
+            "without appearances",
+            "it is not used that features seen together are expected together",
+        ),
+        (
+            "without distances",
+            "it is not used how near the descriptors of a match are",
+        ),
+        (
+            "without displacement",
+            "it is not used how far the camera seems displaced",
+        ),
+        (
+            "without false-rates",
+            "it is not used which features are found at other places too",
+        ),
+        (
+            "without repeatability",
+            "it is not used at which places features are found again more often",
+        ),
+        (
+            "without strays",
+            "it is not used how many matches there are that do not agree with the others",
+        ),
+    ];
     let variants = results.variants();
     let is_used = |word: &str| {
         let names = |v: &Variant| [v.preset.clone(), v.method.clone(), v.score.clone()];
@@ -275,9 +309,11 @@ fn words(results: &SuiteResults) -> String {
             .iter()
             .any(|variant| names(variant).iter().any(|name| name == word))
     };
+    let of_models = (OF_MODELS.iter())
+        .filter(|(word, _)| variants.iter().any(|variant| variant.model.ends_with(word)));
     let mut html =
         String::from("<details><summary>What the names mean</summary><dl class=\"facts\">");
-    for (word, meaning) in MEANINGS.iter().filter(|(word, _)| is_used(word)) {
+    for (word, meaning) in (MEANINGS.iter().filter(|(word, _)| is_used(word))).chain(of_models) {
         put!(html, "<dt>{word}</dt><dd>{meaning}</dd>");
     }
     html.push_str("</dl></details>");
@@ -429,7 +465,8 @@ fn short_power(count: f64) -> String {
     match count {
         c if c < 1e3 => format!("{c:.0}"),
         c if c < 1e6 => format!("{:.0}k", c / 1e3),
-        c => format!("{:.0}M", c / 1e6),
+        c if c < 1e9 => format!("{:.0}M", c / 1e6),
+        c => format!("{:.0}G", c / 1e9),
     }
 }
 
@@ -564,13 +601,21 @@ fn summary_row(
     }
     put!(
         html,
-        "<td data-v=\"{}\">{}</td><td data-v=\"{}\">{} <small>({})</small></td></tr>\n",
+        "<td data-v=\"{}\">{}</td>",
         row.pairs_compared,
-        short_count(row.pairs_compared),
-        row.ms_p50,
-        short_ms(row.ms_p50),
-        short_ms(row.ms_p99)
+        short_count(row.pairs_compared)
     );
+    if row.ms_p50 > 0.0 {
+        put!(
+            html,
+            "<td data-v=\"{}\">{} <small>({})</small></td></tr>\n",
+            row.ms_p50,
+            short_ms(row.ms_p50),
+            short_ms(row.ms_p99)
+        );
+    } else {
+        html.push_str("<td>\u{2013}</td></tr>\n");
+    }
 }
 
 /// Bars of re-observation with whiskers (T-RO, Table I).

@@ -9,7 +9,7 @@ use std::path::Path;
 use chronotope::Result;
 
 use super::document;
-use super::html::{Esc, put};
+use super::html::{Esc, Words, put};
 use super::plot::{Point, Scale, Series, SharePlot, path};
 use crate::results::{Order, write_atomically};
 use crate::series::sampling::Sampling;
@@ -71,7 +71,7 @@ fn head(results: &SeriesResults) -> String {
             html,
             "<p class=\"verdict\">Learnt from office hours alone (Monday to Friday, 8 to 18 h), model \
              <em>{}</em> foretells every hour with a Brier score of <strong>{:.3}</strong>, <strong \
-             class=\"{class}\">{words}</strong> than FreMEn as printed in the papers ({}, order chosen on \
+             class=\"{class}\">{words}</strong> than FreMEn as printed in the papers <span class=\"word\">({},</span> order chosen on \
              held-out samples: {:.3}).</p>",
             Esc(&ours.model),
             ours.brier.value,
@@ -102,7 +102,7 @@ fn head(results: &SeriesResults) -> String {
         put!(
             html,
             "<p class=\"again\">Run it again: <code>{}</code></p>",
-            Esc(&results.command)
+            Words(&results.command)
         );
     }
     html.push_str("<details><summary>How this was measured</summary><dl class=\"facts\">");
@@ -142,7 +142,7 @@ fn curves(drawings: &[Drawing]) -> String {
     html.push_str(
         "<h2>What was foretold, what came?</h2><p class=\"hint\">Grey: the state was 1 (until the next sample), in time that no model \
          had seen. Lines: p(t) of each model; what it was learnt from stands in the title.</p>\
-         <div class=\"grid\">",
+         <div class=\"grid level\">",
     );
     for drawing in drawings {
         curve(&mut html, drawing);
@@ -214,10 +214,15 @@ fn curve(html: &mut String, drawing: &Drawing) {
     html.push_str("</svg><ul class=\"keys\">");
     for (index, (name, _)) in drawing.curves.iter().enumerate() {
         let (colour, style) = look(name.split(',').next().unwrap_or_default());
+        let (main, thick) = if name == "natural" {
+            (" main-key", " class=\"main\"")
+        } else {
+            ("", "")
+        };
         put!(
             html,
-            "<li><button type=\"button\" class=\"key c{colour}\" data-series=\"{index}\" \
-             aria-pressed=\"true\"><svg viewBox=\"0 0 40 16\" aria-hidden=\"true\"><path class=\"curve d{style}\" \
+            "<li><button type=\"button\" class=\"key c{colour}{main}\" data-series=\"{index}\" \
+             aria-pressed=\"true\"><svg viewBox=\"0 0 40 16\" aria-hidden=\"true\"{thick}><path class=\"curve d{style}\" \
              d=\"M1 8H39\"/></svg><span>{}</span></button></li>",
             Esc(name)
         );
@@ -389,6 +394,8 @@ fn one_spectrum(html: &mut String, spectrum: &Spectrum) {
     const MIDDLE: f64 = 130.0;
     const BOTTOM: f64 = 210.0;
     const HOUR: f64 = 3_600.0;
+    /// A window below this is no taller than its line is thick.
+    const EVEN: f64 = 0.02;
     let (Some(first), Some(last)) = (spectrum.lines.first(), spectrum.lines.last()) else {
         return;
     };
@@ -408,7 +415,7 @@ fn one_spectrum(html: &mut String, spectrum: &Spectrum) {
         .map_or(0.0, |line| line.period_s / HOUR);
     put!(
         html,
-        "<figure><h3>{0}</h3><svg viewBox=\"0 0 {WIDTH} 246\" role=\"img\" aria-label=\"{0}: amplitudes over \
+        "<figure><h3>{0}</h3><svg viewBox=\"0 0 {WIDTH} 258\" role=\"img\" aria-label=\"{0}: amplitudes over \
          periods from a week to an hour above the sampling window; the strongest has {strongest:.0} h\">",
         Esc(&spectrum.title)
     );
@@ -426,6 +433,14 @@ fn one_spectrum(html: &mut String, spectrum: &Spectrum) {
             y + 4.5
         );
     }
+    let window = (spectrum.lines.iter())
+        .map(|line| line.window)
+        .fold(0.0, f64::max);
+    let sampling = if window < EVEN {
+        "sampling: even, no rhythm of its own"
+    } else {
+        "sampling"
+    };
     let stems = |height: &dyn Fn(&Line) -> f64| {
         let mut d = String::new();
         for line in &spectrum.lines {
@@ -458,9 +473,12 @@ fn one_spectrum(html: &mut String, spectrum: &Spectrum) {
     put!(
         html,
         "<text class=\"strong\" x=\"{x}\" y=\"{}\" text-anchor=\"end\">state</text><text class=\"strong\" \
-         x=\"{x}\" y=\"{}\" text-anchor=\"end\">sampling</text></svg></figure>\n",
+         x=\"{x}\" y=\"{}\" text-anchor=\"end\">{sampling}</text><text x=\"{}\" y=\"{}\" \
+         text-anchor=\"middle\">period</text></svg></figure>\n",
         TOP + 14.0,
         BOTTOM - 8.0,
+        f64::midpoint(LEFT, WIDTH - RIGHT),
+        BOTTOM + 40.0,
         x = WIDTH - RIGHT - 4.0
     );
 }
@@ -477,7 +495,8 @@ fn summary(results: &SeriesResults) -> String {
         let Some(first) = rows.first() else { continue };
         put!(
             html,
-            "<h3>Learnt from {} ({:.0} samples)</h3><div class=\"scroll\"><table class=\"sortable\"><thead><tr>",
+            "<h3 class=\"above\">Learnt from {} ({:.0} samples)</h3><div class=\"scroll\" tabindex=\"0\" \
+             role=\"region\" aria-label=\"All numbers, learnt from {0}\"><table class=\"sortable\"><thead><tr>",
             sampling_words(sampling),
             first.num_learnt
         );
@@ -511,7 +530,11 @@ fn summary_row(html: &mut String, row: &Row) {
         ""
     };
     let against = row.brier_against_mean;
-    let judged = if row.is_worse_than_mean() {
+    // What is printed as nothing is no difference.
+    let is_nothing = signed(against.value) == "0.000";
+    let judged = if is_nothing {
+        "same"
+    } else if row.is_worse_than_mean() {
         "worse"
     } else if against.high < 0.0 {
         "better"

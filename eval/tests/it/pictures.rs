@@ -156,6 +156,7 @@ pub(crate) fn sample_pictures() -> Pictures {
         features: vec![FeaturePicture {
             image: scene(1, 0.8),
             title: "gate, 14 October, predicted by fused, order chosen, n = 50".into(),
+            note: "Located at gate: it has 97.0 % (an answer needs 95.0 %).".into(),
             features: features(),
         }],
         curves: vec![

@@ -288,7 +288,7 @@ fn axis(material: &Material) -> TimeAxis {
 /// Where times lie on [`axis`]: seconds, or the number of the visit, from 1, where the index is no clock.
 fn along<'a>(material: &Material, exhibit: &'a Exhibit) -> impl Fn(Time) -> f64 + use<'a> {
     let is_clock = material.dataset.clock == Clock::Real;
-    let mut visits = exhibit.times.to_vec();
+    let mut visits = exhibit.times.clone();
     visits.sort_unstable();
     visits.dedup();
     move |time| {

@@ -197,34 +197,7 @@ fn main_of(args: Args) -> Result<()> {
                 out,
                 command: command_line(),
             };
-            std::fs::create_dir_all(&options.out)
-                .with_context(|| format!("cannot create {}", options.out.display()))?;
-            if let Some(results) = series::run(&suite, &options)? {
-                println!("{}", series::table(&results));
-                let json = options.out.join(format!("{}.json", results.suite));
-                results.write(&json)?;
-                let report = options.out.join("report.html");
-                report::write_series(&results, &report)?;
-                eprintln!("wrote {} and {}", json.display(), report.display());
-                return Ok(());
-            }
-            for (results, pictures) in run(&suite, &options)? {
-                println!("{}", table::render(&results, n));
-                let json = options.out.join(format!("{}.json", results.suite));
-                results.write(&json)?;
-                // A suite's own report has one fixed name; that of its control says so.
-                let report = match results.suite.strip_prefix(&format!("{}-", suite.name)) {
-                    Some(part) => options.out.join(format!("report-{part}.html")),
-                    None => options.out.join("report.html"),
-                };
-                let input = ReportInput {
-                    results: &results,
-                    pictures: &pictures,
-                };
-                report::write(&input, &report)?;
-                eprintln!("wrote {} and {}", json.display(), report.display());
-            }
-            replays.write(&suite, &options)?;
+            run_suite(&suite, &options, n, &replays)?;
         }
         Command::Replay {
             suite,
@@ -292,6 +265,38 @@ fn main_of(args: Args) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Runs a suite, prints its tables, writes results and reports.
+fn run_suite(suite: &Suite, options: &RunOptions, n: Option<u32>, replays: &Replays) -> Result<()> {
+    std::fs::create_dir_all(&options.out)
+        .with_context(|| format!("cannot create {}", options.out.display()))?;
+    if let Some(results) = series::run(suite, options)? {
+        println!("{}", series::table(&results));
+        let json = options.out.join(format!("{}.json", results.suite));
+        results.write(&json)?;
+        let report = options.out.join("report.html");
+        report::write_series(&results, &report)?;
+        eprintln!("wrote {} and {}", json.display(), report.display());
+        return Ok(());
+    }
+    for (results, pictures) in run(suite, options)? {
+        println!("{}", table::render(&results, n));
+        let json = options.out.join(format!("{}.json", results.suite));
+        results.write(&json)?;
+        // A suite's own report has one fixed name; that of its control says so.
+        let report = match results.suite.strip_prefix(&format!("{}-", suite.name)) {
+            Some(part) => options.out.join(format!("report-{part}.html")),
+            None => options.out.join("report.html"),
+        };
+        let input = ReportInput {
+            results: &results,
+            pictures: &pictures,
+        };
+        report::write(&input, &report)?;
+        eprintln!("wrote {} and {}", json.display(), report.display());
+    }
+    replays.write(suite, options)
 }
 
 /// The command as typed; what is kept with the sources names no folders of one machine.

@@ -10,7 +10,7 @@
 //! | `predicted/{}/frame`, `predicted/{}/features` | predicted maps of the best places, best first, in px of the place's first visit, moved to where they were found | the same |
 //! | `belief/decision` | the answer and its reason, Markdown | every query |
 //! | `belief/over_time` | percent of each place (of the best one only, in a map of many), of elsewhere | every query |
-//! | `belief/bars`, `belief/bars/names` | posterior of the best places and elsewhere, drawn | pictures that are drawn; new decision |
+//! | `belief/bars`, `belief/bars/names` | posterior of the best places and elsewhere, drawn | pictures that are drawn; without any, new decision |
 //! | `belief/posterior` | percent of each place by number, then "elsewhere" | the same |
 //! | `belief/graph` | places, coloured by posterior; the ways between them | the same; new map |
 //! | `memory/curve_{}/axes`, `memory/curve_{}/texts` | the frame of a feature's history, drawn over its own years | new map |

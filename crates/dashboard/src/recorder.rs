@@ -80,8 +80,9 @@ impl Default for RecorderConfig {
 
 impl RecorderConfig {
     /// What is drawn, which is most of the cost, is drawn for at most every `n`-th query; 0: never. That is
-    /// the picture with its features, predicted maps, similarity, histories. Bars and graph are drawn
-    /// with it and wherever the decision changes; decision, posterior and latency are for every query.
+    /// the picture with its features, predicted maps, similarity, histories, bars and graph (the last two
+    /// wherever the decision changes, if there are no pictures); decision, posterior and latency are for
+    /// every query.
     #[must_use]
     pub fn with_image_every(mut self, n: u64) -> Self {
         self.image_every = n;
@@ -191,7 +192,10 @@ impl Recorder {
         self.latency(trace)?;
         self.remember_similarity(trace);
         let is_due = self.is_due(query, trace);
-        if is_due || self.decided != Some(trace.localization.decision) {
+        // Without any picture the decision is the only occasion.
+        let is_news =
+            self.cfg.image_every == 0 && self.decided != Some(trace.localization.decision);
+        if is_due || is_news {
             self.decided = Some(trace.localization.decision);
             self.graph(trace, &posterior)?;
             self.bars(trace, &posterior)?;

@@ -268,13 +268,6 @@ fn words(results: &SuiteResults) -> String {
             "score: how probable matches and misses are at this place",
         ),
     ];
-    let variants = results.variants();
-    let is_used = |word: &str| {
-        let names = |v: &Variant| [v.preset.clone(), v.method.clone(), v.score.clone()];
-        variants
-            .iter()
-            .any(|variant| names(variant).iter().any(|name| name == word))
-    };
     const OF_MODELS: [(&str, &str); 8] = [
         (
             "likeliest",
@@ -309,6 +302,13 @@ fn words(results: &SuiteResults) -> String {
             "it is not used how many matches there are that do not agree with the others",
         ),
     ];
+    let variants = results.variants();
+    let is_used = |word: &str| {
+        let names = |v: &Variant| [v.preset.clone(), v.method.clone(), v.score.clone()];
+        variants
+            .iter()
+            .any(|variant| names(variant).iter().any(|name| name == word))
+    };
     let of_models = (OF_MODELS.iter())
         .filter(|(word, _)| variants.iter().any(|variant| variant.model.ends_with(word)));
     let mut html =

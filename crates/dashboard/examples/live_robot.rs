@@ -40,7 +40,7 @@ struct Args {
     #[arg(long)]
     hz: Option<f64>,
     /// Every Nth picture is recorded with its features.
-    #[arg(long, default_value_t = 10)]
+    #[arg(long, default_value_t = 20)]
     image_every: usize,
     /// Write a recording.
     #[arg(long, default_value = "target/robot.rrd")]

@@ -358,12 +358,17 @@ fn kernels_agree_across_block_borders() {
         .collect();
     let expected = nearest_two_of_all(&queries, &train);
     assert_eq!((expected[0].best, expected[0].second), (511, 512));
-    let packed = PackedDescriptors::pack(&train);
+    every_kernel_says(&expected, &queries, &train);
+}
+
+/// Plain and packed.
+fn every_kernel_says(expected: &[NearestTwo], queries: &[Descriptor], train: &[Descriptor]) {
+    let packed = PackedDescriptors::pack(train);
     for kernel in Kernel::available() {
         let mut out = vec![NearestTwo::EMPTY; queries.len()];
-        kernel.nearest_two(&queries, &train, &mut out);
+        kernel.nearest_two(queries, train, &mut out);
         assert_eq!(out, expected, "{kernel}");
-        kernel.nearest_two_packed(&queries, &packed, &mut out);
+        kernel.nearest_two_packed(queries, &packed, &mut out);
         assert_eq!(out, expected, "{kernel} packed");
     }
 }
@@ -390,14 +395,7 @@ fn kernels_agree_where_rows_come_nearer_and_nearer() {
     let expected = nearest_two_of_all(&queries, &train);
     let last = train.len() as u32 - 3;
     assert_eq!((expected[0].best, expected[0].second), (last, last + 1));
-    let packed = PackedDescriptors::pack(&train);
-    for kernel in Kernel::available() {
-        let mut out = vec![NearestTwo::EMPTY; queries.len()];
-        kernel.nearest_two(&queries, &train, &mut out);
-        assert_eq!(out, expected, "{kernel}");
-        kernel.nearest_two_packed(&queries, &packed, &mut out);
-        assert_eq!(out, expected, "{kernel} packed");
-    }
+    every_kernel_says(&expected, &queries, &train);
 }
 
 /// The rules of the module's documentation, one after the other, in `O(map * live)` each.

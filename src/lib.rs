@@ -91,7 +91,6 @@
 //!
 //! # Features of the crate
 //!
-//! - `cli` (default): the command `chronotope`. A library user takes `default-features = false`.
 //! - `opencv`: camera and video input, keypoints of ORB, FAST and AGAST. Needs OpenCV 4 and libclang.
 //!
 //! # Sources
@@ -112,10 +111,7 @@
 //! - M. Agrawal, K. Konolige, M. R. Blas: CenSurE: Center surround extremas for realtime feature
 //!   detection and matching. ECCV 2008.
 
-#[cfg(feature = "cli")]
-pub mod cli;
 pub mod dataset;
-pub mod error;
 pub mod feature;
 pub mod learn;
 pub mod localize;
@@ -123,12 +119,10 @@ pub mod map;
 pub mod matching;
 pub mod predict;
 pub mod simd;
-pub mod spectrum;
-pub mod time;
-pub mod visibility;
+pub mod trace;
 
-pub use error::{Error, ErrorKind, Result};
-pub use time::{Period, Time};
+pub use fremen::{Error, ErrorKind, Period, Result, Time};
+pub use fremen::{error, spectrum, time, visibility};
 
 /// The README's examples, so that they compile.
 #[cfg(doctest)]

@@ -11,10 +11,10 @@ use anyhow::Result;
 use chronotope::Time;
 use chronotope::dataset::{Clock, Dataset, Entry};
 use chronotope::feature::GrayImage;
-use chronotope::localize::trace::{SpectrumSheet, telling};
 use chronotope::localize::{Decision, Localization, Localizer, Query};
 use chronotope::map::Node;
 use chronotope::predict::Selection;
+use chronotope::trace::{SpectrumSheet, telling};
 use chronotope::visibility::{self, VisibilityModel};
 
 use crate::harness::{Fold, live};

@@ -1,7 +1,7 @@
 //! How can a suite be watched again, query by query?
 //!
 //! Every query of a suite is asked once more, of the shipped default where the suite runs it, and its
-//! trace ([`chronotope::localize::trace`]) given away: written as JSON Lines, from which
+//! trace ([`chronotope::trace`]) given away: written as JSON Lines, from which
 //! `chronotope-dashboard` renders a recording whenever somebody wants to look, or recorded at once with
 //! the cargo feature `dashboard`. Each fold's map is learnt again, without the query's twins, exactly as
 //! when the suite was judged; of a synthetic suite the first world is shown. Stages are timed one query
@@ -18,9 +18,9 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use chronotope::feature::Extractor;
 use chronotope::learn::LearnConfig;
-use chronotope::localize::trace::{Shot, Stage, Trace, TraceConfig, Tracer};
 use chronotope::localize::{Localization, Localizer, Method, Preset, Query, Scratch};
 use chronotope::map::Snapshot;
+use chronotope::trace::{Shot, Stage, Trace, TraceConfig, Tracer};
 
 use crate::harness::{Fold, learn, times, without_twins};
 use crate::material::Material;

@@ -9,14 +9,14 @@ use rayon::prelude::*;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use super::layout::relative;
+use super::layouts::relative;
 use super::manifest::file_sha256;
 use super::table::read_text;
 use super::{Clock, Dataset, Manifest, Problem, hex};
-use crate::error::{Error, ErrorKind, Result};
 use crate::feature::PixelDigest;
 use crate::map::PlaceKey;
-use crate::time::Time;
+use fremen::error::{Error, ErrorKind, Result};
+use fremen::time::Time;
 
 /// A list of checksums in the format of `sha256sum`, if a dataset has one.
 const SUMS_FILE: &str = "SHA256SUMS";

@@ -6,8 +6,8 @@ use image::ImageDecoder;
 use image::metadata::Orientation;
 
 use super::ImageSource;
-use crate::error::{Error, ErrorKind, Result};
 use crate::feature::{GrayImage, LoadOptions, Rect, Rotation, load_gray};
+use fremen::error::{Error, ErrorKind, Result};
 
 /// An image file that is turned, of which a rectangle is then cut out and resized.
 ///

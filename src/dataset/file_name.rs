@@ -7,8 +7,8 @@
 //! `unix_s` and `unix_us` (since 1970), `visit` (a number that the time rule turns into a time) and
 //! `place` (a number, ignored here).
 
-use crate::error::{Error, ErrorKind, Result};
-use crate::time::Time;
+use fremen::error::{Error, ErrorKind, Result};
+use fremen::time::Time;
 
 const FIELDS: [&str; 10] = [
     "year", "month", "day", "hour", "minute", "second", "unix_s", "unix_us", "visit", "place",

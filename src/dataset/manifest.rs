@@ -12,11 +12,11 @@ use serde::{Deserialize, Deserializer};
 use sha2::{Digest, Sha256};
 
 use super::file_name::{Moment, NamePattern};
-use super::{Clock, Dataset, Entry, Problem, hex, layout, table};
-use crate::error::{Error, ErrorKind, Result};
+use super::{Clock, Dataset, Entry, Problem, hex, layouts, table};
 use crate::feature::{Rect, Rotation};
 use crate::map::PlaceKey;
-use crate::time::{Period, Time};
+use fremen::error::{Error, ErrorKind, Result};
+use fremen::time::{Period, Time};
 
 const BUILTIN: [(&str, &str); 5] = [
     (
@@ -376,7 +376,7 @@ impl Manifest {
 
     /// A manifest that knows no more than the folder shows.
     fn plain(data_dir: &Path) -> Result<Self> {
-        let (layout, clock) = layout::detect(data_dir)?;
+        let (layout, clock) = layouts::detect(data_dir)?;
         let name = std::path::absolute(data_dir)
             .ok()
             .and_then(|path| Some(path.file_name()?.to_string_lossy().into_owned()))

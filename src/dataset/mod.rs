@@ -12,10 +12,8 @@
 mod check;
 mod file_image;
 mod file_name;
-mod index;
-mod layout;
+mod layouts;
 mod manifest;
-mod nclt;
 mod table;
 
 pub mod synthetic;
@@ -28,10 +26,10 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::error::Result;
 use crate::feature::GrayImage;
 use crate::map::{Edge, PlaceKey};
-use crate::time::Time;
+use fremen::error::Result;
+use fremen::time::Time;
 
 pub use check::{CheckReport, PlaceSummary, SizeCount};
 pub use file_image::FileImage;
@@ -133,7 +131,7 @@ impl Dataset {
     /// Opens the images of `manifest` in `data_dir`, which is the set's own folder or one that
     /// contains it under the manifest's name.
     pub fn open_with(manifest: &Manifest, data_dir: &Path) -> Result<Self> {
-        layout::open(manifest, data_dir)
+        layouts::open(manifest, data_dir)
     }
 
     /// The names of all places, sorted.

@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use crate::error::{Error, ErrorKind, Result, line_of_record};
+use fremen::error::{Error, ErrorKind, Result, line_of_record};
 
 pub(super) struct Table {
     path: PathBuf,

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::{Extractor, StarBrief, StarBriefConfig};
-use crate::error::{Error, ErrorKind, Result};
+use fremen::error::{Error, ErrorKind, Result};
 
 /// An extractor and its parameters; `kind` names it in files.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

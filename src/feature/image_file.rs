@@ -32,7 +32,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::{GrayImage, Rect};
-use crate::error::{Error, ErrorKind, Result};
+use fremen::error::{Error, ErrorKind, Result};
 
 /// How large a file and its pixels may be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

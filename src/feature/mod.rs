@@ -23,7 +23,7 @@ pub use image_file::{DecodeLimits, LoadOptions, PixelDigest, Rotation, load_gray
 pub use star_brief::{StarBrief, StarBriefConfig};
 pub use types::{Descriptor, Features, FeaturesView, GrayImage, Keypoint, Rect};
 
-use crate::error::Result;
+use fremen::error::Result;
 
 /// Finds keypoints in a grey image and describes them.
 ///

@@ -16,7 +16,7 @@ use opencv::videoio::{self, VideoCapture};
 
 use super::GrayImage;
 use super::image_file::gray_from_bgr;
-use crate::error::{Error, ErrorKind, Result};
+use fremen::error::{Error, ErrorKind, Result};
 
 /// When a frame was taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

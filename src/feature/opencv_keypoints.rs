@@ -19,8 +19,8 @@ use opencv::prelude::*;
 use super::brief::{self, BORDER_PX};
 use super::selection::{check_mask, drop_masked, sort_keypoints};
 use super::{Extractor, ExtractorConfig, Features, GrayImage, Keypoint};
-use crate::error::{Error, ErrorKind, Result};
 use crate::simd::Kernel;
+use fremen::error::{Error, ErrorKind, Result};
 
 /// Corners of an OpenCV detector with BRIEF-32 descriptors.
 pub struct CornerBrief {

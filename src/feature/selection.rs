@@ -3,7 +3,7 @@
 //! The rules that all extractors share: masks, and the order by (response descending, y, x).
 
 use super::{GrayImage, Keypoint};
-use crate::error::{Error, ErrorKind, Result};
+use fremen::error::{Error, ErrorKind, Result};
 
 /// A mask of another size than its image is a [`ErrorKind::Shape`] error.
 pub(super) fn check_mask(image: &GrayImage, mask: Option<&GrayImage>) -> Result<()> {

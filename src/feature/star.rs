@@ -52,9 +52,9 @@
 //! Not for: subpixel positions, orientations, or images under 140 px a side at the default size.
 
 use super::{GrayImage, Keypoint};
-use crate::error::{Error, ErrorKind, Result};
 use crate::simd::Kernel;
 use crate::simd::image::{CentreSurround, ExtremeRule, FilterBank, StarCorners};
+use fremen::error::{Error, ErrorKind, Result};
 
 /// Sizes of all filters; each is twice the radius of its centre.
 const FILTER_SIZES: [u8; 12] = [2, 4, 6, 8, 12, 16, 22, 32, 46, 64, 90, 128];

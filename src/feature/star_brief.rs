@@ -17,8 +17,8 @@ use super::brief::{self, BriefScratch};
 use super::selection::{check_mask, drop_masked, sort_keypoints};
 use super::star::{self, Field, StarParams, StarScratch};
 use super::{Extractor, ExtractorConfig, Features, GrayImage, Keypoint};
-use crate::error::Result;
 use crate::simd::Kernel;
+use fremen::error::Result;
 
 /// The configuration of [`StarBrief`]; the default is the reference recipe.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -116,7 +116,7 @@ struct Scratch {
 }
 
 impl StarBrief {
-    /// An extractor; values it cannot work with are a [`ErrorKind::Config`](crate::ErrorKind::Config) error.
+    /// An extractor; values it cannot work with are a [`ErrorKind::Config`](fremen::ErrorKind::Config) error.
     pub fn new(config: StarBriefConfig) -> Result<Self> {
         Self::with_kernel(config, Kernel::best())
     }

@@ -36,14 +36,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Scratch;
 use super::expectation::PlaceModel;
-use crate::error::{Error, ErrorKind, Result};
+use super::visit::Scratch;
 use crate::feature::FeaturesView;
 use crate::map::{Node, Snapshot};
 use crate::matching::Matcher;
-use crate::time::Period;
-use crate::visibility::BitRow;
+use fremen::error::{Error, ErrorKind, Result};
+use fremen::time::Period;
+use fremen::visibility::BitRow;
 
 /// Moments of the coming year at which p(t) is asked for: a prime, so that they fall on all hours and weekdays.
 const NUM_TIMES: i64 = 97;

@@ -4,9 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::budget::BudgetConfig;
 use super::guard::{GuardConfig, Judge};
-use crate::error::{Error, ErrorKind, Result};
 use crate::localize::{LocalizerConfig, Method, Preset, Score};
 use crate::matching::{MatchConfig, TwoWayConfig, VoteConfig};
+use fremen::error::{Error, ErrorKind, Result};
 
 /// How features are recognised and born.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]

@@ -12,11 +12,11 @@
 //!
 //! A fit is O(visits * features), and there is one in an eighth as many visits: O(features) a visit on average.
 
-use super::LearnConfig;
-use crate::error::Result;
+use super::config::LearnConfig;
 use crate::map::Node;
-use crate::time::Time;
-use crate::visibility::{self, VisibilityModel, Visits};
+use fremen::error::Result;
+use fremen::time::Time;
+use fremen::visibility::{self, VisibilityModel, Visits};
 
 /// A model is fitted again when it knows all but this share of the visits.
 const STALE_SHARE: usize = 8;
@@ -128,7 +128,7 @@ impl Expectations {
 mod tests {
     use super::*;
     use crate::map::PlaceKey;
-    use crate::visibility::{BitRow, HistoryLog};
+    use fremen::visibility::{BitRow, HistoryLog};
 
     /// A place whose feature `i` is seen at one in `i + 1` visits.
     fn place(num_visits: usize) -> Node {

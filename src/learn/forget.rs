@@ -12,8 +12,8 @@
 
 use std::sync::Arc;
 
-use crate::error::{Error, ErrorKind, Result};
 use crate::map::{Held, Node, SessionId, Snapshot};
+use fremen::error::{Error, ErrorKind, Result};
 
 /// The map without the visits of `session`, and how many these were (with those held).
 ///

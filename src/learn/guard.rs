@@ -38,12 +38,12 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::LearnConfig;
+use super::config::LearnConfig;
 use super::expectation::{PlaceModel, identity};
-use crate::error::{Error, ErrorKind, Result};
 use crate::map::{ClockFault, Doubt, Node, PlaceKey, SessionId, Snapshot};
-use crate::time::Time;
-use crate::visibility::{self, BitRow, VisibilityModel, Visits};
+use fremen::error::{Error, ErrorKind, Result};
+use fremen::time::Time;
+use fremen::visibility::{self, BitRow, VisibilityModel, Visits};
 
 /// No camera's clock was right before 2000-01-01: it was never set.
 const FIRST_TIME: Time = Time::from_s(946_684_800);

@@ -29,14 +29,17 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::{Judge, KeepAppearances, LearnConfig, Learner, Observation};
-use crate::error::{Error, ErrorKind, Result};
+use super::config::{KeepAppearances, LearnConfig};
+use super::guard::Judge;
+use super::learner::Learner;
+use super::visit::Observation;
 use crate::feature::{Descriptor, Features, Keypoint};
 use crate::map::{
     AppearanceUse, Edge, Held, MapMeta, Node, PlaceKey, Reobservation, Snapshot, Visit, VisitId,
 };
-use crate::time::Time;
-use crate::visibility::BitRow;
+use fremen::error::{Error, ErrorKind, Result};
+use fremen::time::Time;
+use fremen::visibility::BitRow;
 
 /// Conflicts told in one message, at most.
 const MAX_TOLD: usize = 10;

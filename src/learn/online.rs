@@ -8,10 +8,11 @@
 //! 4. Features that the displacement moves out of the image, or under the mask, were *not observable*;
 //!    neither was anything in an image without any features (a black one).
 
-use super::{Found, LearnConfig, Observation, Scratch};
+use super::config::LearnConfig;
+use super::visit::{Found, Observation, Scratch};
 use crate::feature::{Features, FeaturesView, Keypoint};
 use crate::matching::{Displacement, Matcher, displacements_into, vote_displacement};
-use crate::visibility::BitRow;
+use fremen::visibility::BitRow;
 
 pub(super) fn find(
     cfg: &LearnConfig,

@@ -4,13 +4,14 @@
 //! log is needed, [`write_log`] looks for every feature of the place in every image of it, one way, so
 //! that a feature can be visible before the visit it was first noticed in.
 
-use super::{Found, LearnConfig};
-use crate::error::Result;
+use super::config::LearnConfig;
+use super::visit::Found;
 use crate::feature::{Features, FeaturesView};
 use crate::map::Node;
 use crate::matching::{MatchScratch, Matcher, TwoWay};
 use crate::simd::Kernel;
-use crate::visibility::{BitRow, HistoryLog};
+use fremen::error::Result;
+use fremen::visibility::{BitRow, HistoryLog};
 
 /// What is new in one image; its bits are provisional until [`write_log`].
 pub(super) fn find(cfg: &LearnConfig, known: FeaturesView<'_>, live: &Features) -> Found {

@@ -2,11 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, ErrorKind, Result};
 use crate::matching::{Direction, MatchConfig, VoteConfig};
 use crate::predict::{Choice, Selection};
-use crate::time::Time;
-use crate::visibility::VisibilityConfig;
+use fremen::error::{Error, ErrorKind, Result};
+use fremen::time::Time;
+use fremen::visibility::VisibilityConfig;
 
 /// An answer may be wrong one time in twenty.
 const RISK: f64 = 0.05;

@@ -30,7 +30,7 @@ use crate::feature::{Features, FeaturesView};
 use crate::map::NodeId;
 use crate::matching::SearchScratch;
 use crate::predict::PredictedMap;
-use crate::time::Time;
+use fremen::time::Time;
 
 /// Forecasts that are kept: now and next.
 const NUM_KEPT: usize = 2;
@@ -377,7 +377,7 @@ mod tests {
     use crate::feature::{Descriptor, Keypoint};
     use crate::localize::LocalizerConfig;
     use crate::map::{MapMeta, Node, PlaceKey, Snapshot};
-    use crate::visibility::BitRow;
+    use fremen::visibility::BitRow;
 
     #[test]
     fn the_next_bucket_is_predicted_once_and_only_where_there_are_buckets() {

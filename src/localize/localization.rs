@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::{LocalizerConfig, Score};
 use crate::map::NodeId;
 use crate::matching::{Match, Vote};
-use crate::time::Time;
+use fremen::time::Time;
 
 /// The answer to one query with all its evidence.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

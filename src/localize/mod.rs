@@ -33,10 +33,10 @@ mod candidates;
 mod config;
 mod evidence;
 mod forecast;
+mod index_cache;
 mod localization;
-mod query_form;
+
 mod sweep;
-pub mod trace;
 mod tracking;
 
 use std::sync::Arc;
@@ -45,8 +45,8 @@ use rayon::prelude::*;
 
 pub use calibration::{ATTACHMENT, Calibration, Curve, Temper};
 pub use config::{Candidates, Evidence, LocalizerConfig, Method, Preset, Score};
+pub use index_cache::QueryForm;
 pub use localization::{Candidate, Decision, EvidenceMatch, Localization, Reason};
-pub use query_form::QueryForm;
 pub use sweep::{Sweep, Tally};
 pub use tracking::{EdgeMotion, Motion, MotionConfig, Tracker, Transitions};
 
@@ -54,7 +54,6 @@ use self::calibration::as_evidence;
 use self::candidates::{Finder, ShortlistScratch};
 use self::evidence::{Expectation, Hits, LogMean};
 use self::forecast::{Forecast, Forecasts};
-use crate::error::{Error, ErrorKind, Result};
 use crate::feature::{Features, FeaturesView};
 use crate::map::{AppearanceUse, Node, NodeId, Snapshot};
 use crate::matching::{
@@ -62,8 +61,9 @@ use crate::matching::{
     vote_displacement,
 };
 use crate::predict::{Choice, PredictedMap, Selection, Witnesses};
-use crate::time::Time;
-use crate::visibility::{self, VisibilityConfig, VisibilityModel, Visits};
+use fremen::error::{Error, ErrorKind, Result};
+use fremen::time::Time;
+use fremen::visibility::{self, VisibilityConfig, VisibilityModel, Visits};
 
 /// Sums in another order differ by less.
 const SAME_PROBABILITY: f64 = 1e-9;
@@ -596,7 +596,7 @@ impl Localizer {
     }
 
     /// How many features of an appearance the configured selection takes.
-    fn largest_size(&self) -> usize {
+    pub(crate) fn largest_size(&self) -> usize {
         match self.cfg.selection() {
             Selection::Top(n) => n,
             Selection::Threshold(_) => usize::MAX,

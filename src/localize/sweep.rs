@@ -7,10 +7,10 @@
 
 use super::evidence::LogMean;
 use super::{Localizer, Plan, Query, Score, Scratch};
-use crate::error::{Error, ErrorKind, Result};
 use crate::map::NodeId;
 use crate::matching::Matcher;
 use crate::predict::Selection;
+use fremen::error::{Error, ErrorKind, Result};
 
 /// What speaks for one place at one n.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -29,8 +29,8 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::{Localization, LocalizerConfig};
-use crate::error::{Error, ErrorKind, Result};
 use crate::map::{NodeId, Snapshot};
+use fremen::error::{Error, ErrorKind, Result};
 
 /// Where may the robot be at the next image?
 ///

@@ -7,14 +7,14 @@ use std::collections::{BTreeSet, HashSet};
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::format::{
+use super::file::format::{
     MAX_ATTACHMENT_BYTES, MAX_ATTACHMENT_NAME_BYTES, MAX_FEATURES, MAX_TEXT_BYTES,
 };
 use super::types::{AppearanceUse, Edge, MapMeta, Node, NodeId, PlaceKey, Snapshot, Visit};
-use crate::error::{Error, ErrorKind, Result};
 use crate::feature::Features;
-use crate::time::Time;
-use crate::visibility::BitRow;
+use fremen::error::{Error, ErrorKind, Result};
+use fremen::time::Time;
+use fremen::visibility::BitRow;
 
 impl Node {
     /// Appends one visit with the features `born` at it.

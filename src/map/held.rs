@@ -16,14 +16,14 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::format::{
+use super::file::format::{
     MAX_ATTACHMENT_BYTES, MAX_TEXT_BYTES, decode_descriptors, decode_keypoints, encode_descriptors,
     encode_keypoints, pair,
 };
 use super::types::{PlaceKey, SessionId, Snapshot, VisitId};
-use crate::error::{Error, ErrorKind, Result};
 use crate::feature::{Features, GrayImage};
-use crate::time::Time;
+use fremen::error::{Error, ErrorKind, Result};
+use fremen::time::Time;
 
 /// The attachment's name.
 const NAME: &str = "held";

@@ -9,10 +9,10 @@ use std::hash::{BuildHasher, RandomState};
 use rusqlite::types::ValueRef;
 use sha2::{Digest, Sha256};
 
-use super::format::{encode_descriptors, encode_keypoints, put_value};
+use super::file::format::{encode_descriptors, encode_keypoints, put_value};
 use super::types::{MapMeta, PlaceKey, SessionId, VisitId};
 use crate::feature::Features;
-use crate::time::Time;
+use fremen::time::Time;
 
 /// The SHA-256 of `features`: their keypoints (four little-endian 32-bit floats each), then their
 /// descriptors (32 bytes each), each with its length before it.

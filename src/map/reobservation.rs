@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::types::Snapshot;
-use crate::error::{Error, ErrorKind, Result};
+use fremen::error::{Error, ErrorKind, Result};
 
 /// The attachment's name.
 const NAME: &str = "reobservation";

@@ -6,10 +6,10 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, ErrorKind, Result};
 use crate::feature::{Features, Rect};
-use crate::time::Time;
-use crate::visibility::HistoryLog;
+use fremen::error::{Error, ErrorKind, Result};
+use fremen::time::Time;
+use fremen::visibility::HistoryLog;
 
 /// Position of a node in [`Snapshot::nodes`]: a local number, never stored.
 #[derive(

@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, ErrorKind, Result};
 use crate::feature::Keypoint;
 use crate::simd::NearestTwo;
+use fremen::error::{Error, ErrorKind, Result};
 
 use super::vote::Displacement;
 

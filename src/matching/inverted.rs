@@ -20,9 +20,9 @@
 //! Not for: sets under some ten thousand rows, where the exact search is as fast, and rows that come
 //! and go: it is built once.
 
-use crate::error::{Error, ErrorKind, Result};
 use crate::feature::Descriptor;
 use crate::simd::{Kernel, NearestTwo, PackedDescriptors};
+use fremen::error::{Error, ErrorKind, Result};
 
 /// Rows that a list begins at a multiple of, so that no two lists share a group of a kernel.
 const ALIGNMENT: usize = 16;

@@ -12,9 +12,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
 use crate::feature::FeaturesView;
 use crate::simd::{Kernel, NearestTwo, PackedDescriptors};
+use fremen::error::{Error, Result};
 
 use super::config::{Window, passes_ratio, require_ratio};
 use super::matcher::Match;
@@ -35,7 +35,7 @@ struct Fields {
 }
 
 impl TwoWayConfig {
-    /// Ratio above 0 and at most 1 (otherwise an [`ErrorKind::Config`](crate::ErrorKind::Config)
+    /// Ratio above 0 and at most 1 (otherwise an [`ErrorKind::Config`](fremen::ErrorKind::Config)
     /// error), whether a feature without a rival passes it, and the window of seen features.
     pub fn new(ratio: f64, accept_lone: bool, window: Option<Window>) -> Result<Self> {
         require_ratio(ratio)?;

@@ -19,8 +19,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
 use crate::feature::Keypoint;
+use fremen::error::{Error, Result};
 
 use super::config::{Window, require};
 use super::matcher::Match;
@@ -106,7 +106,7 @@ impl VoteConfigBuilder {
     }
 
     /// The configuration, if width and height are numbers from 0 on; otherwise an
-    /// [`ErrorKind::Config`](crate::ErrorKind::Config) error.
+    /// [`ErrorKind::Config`](fremen::ErrorKind::Config) error.
     pub fn build(self) -> Result<VoteConfig> {
         for (name, value) in [("width-px", self.width_px), ("height-px", self.height_px)] {
             require(value >= 0.0, name, value, "a number of pixels from 0 on")?;

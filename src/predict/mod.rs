@@ -23,9 +23,9 @@ pub use witnesses::Witnesses;
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, ErrorKind, Result};
-use crate::time::Time;
-use crate::visibility::VisibilityModel;
+use fremen::error::{Error, ErrorKind, Result};
+use fremen::time::Time;
+use fremen::visibility::VisibilityModel;
 
 /// How many features of a place are predicted.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -441,14 +441,14 @@ mod tests {
 
     /// Features 0..6 belong to visits 0..3 (summer), 6..8 to visit 3 (winter).
     fn summer_and_winter() -> Witnesses {
-        let mut log = crate::visibility::HistoryLog::new();
+        let mut log = fremen::visibility::HistoryLog::new();
         for visit in 0..4 {
-            let mut seen = crate::visibility::BitRow::zeros(8);
+            let mut seen = fremen::visibility::BitRow::zeros(8);
             (if visit < 3 { 0..6 } else { 6..8 }).for_each(|f| seen.set(f));
             let time = Time::from_s(visit);
             log.push_visit(time, seen, None).expect("fits");
         }
-        Witnesses::of(&log, crate::visibility::Visits::All).expect("fits")
+        Witnesses::of(&log, fremen::visibility::Visits::All).expect("fits")
     }
 
     #[test]

@@ -10,8 +10,8 @@
 //!
 //! Not for histories: times are not kept.
 
-use crate::error::Result;
-use crate::visibility::{HistoryLog, Visits};
+use fremen::error::Result;
+use fremen::visibility::{HistoryLog, Visits};
 
 /// No visit counts less than this share of the likeliest, so that none is ruled out.
 const LEAST_LIKENESS: f64 = 1e-3;
@@ -87,8 +87,8 @@ impl Witnesses {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::time::Time;
-    use crate::visibility::BitRow;
+    use fremen::time::Time;
+    use fremen::visibility::BitRow;
 
     fn log(num_visits: usize) -> HistoryLog {
         let mut log = HistoryLog::new();

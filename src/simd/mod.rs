@@ -39,7 +39,7 @@ use std::ops::Range;
 use std::str::FromStr;
 use std::sync::OnceLock;
 
-use crate::error::{Error, ErrorKind, Result};
+use fremen::error::{Error, ErrorKind, Result};
 
 pub use packed::PackedDescriptors;
 use packed::{Group, ROWS_PER_GROUP, pack};

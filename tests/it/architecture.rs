@@ -13,42 +13,24 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The rooms with their numbers: a room may name rooms with a smaller number only.
-const ROOMS: [(&str, u32); 14] = [
-    ("error", 0),
-    ("time", 1),
+const ROOMS: [(&str, u32); 10] = [
+    // The crate of time, which names nothing of this one.
+    ("fremen", 0),
     ("simd", 1),
     ("feature", 2),
-    ("spectrum", 2),
-    ("visibility", 3),
     ("matching", 3),
     ("map", 4),
     ("predict", 5),
     ("localize", 6),
+    ("trace", 7),
     ("learn", 7),
     ("dataset", 8),
-    ("cli", 9),
-    // The list of rooms, which names them all.
-    ("lib", 10),
 ];
 
-/// What `lib.rs` gives out under a shorter name, with the room it comes from.
-const SHORT_NAMES: [(&str, &str); 5] = [
-    ("Error", "error"),
-    ("ErrorKind", "error"),
-    ("Result", "error"),
-    ("Period", "time"),
-    ("Time", "time"),
-];
-
-/// Who must not name whom, whatever their numbers: vision knows nothing of time, time knows nothing of
-/// pixels.
-const STRANGERS: [(&[&str], &[&str]); 2] = [
-    (
-        &["feature", "matching"],
-        &["time", "spectrum", "visibility"],
-    ),
-    (&["spectrum", "visibility"], &["feature"]),
-];
+/// What `feature` and `matching` may take from the crate of time: its errors. Vision knows nothing of
+/// time; that time knows nothing of pixels is what makes `fremen` a crate of its own.
+const TIMELESS: [&str; 4] = ["error", "Error", "ErrorKind", "Result"];
+const VISION: [&str; 2] = ["feature", "matching"];
 
 /// Where `unsafe` may stand: vector instructions, and the mapping of files into memory.
 const UNSAFE_ROOM: &str = "src/simd/";
@@ -75,7 +57,9 @@ fn every_room_is_listed() {
     for (path, _) in library() {
         found.insert(room(&path).to_owned());
     }
-    found.remove("main");
+    // The list of rooms, which names them all.
+    found.remove("lib");
+    found.insert("fremen".to_owned());
     let listed: BTreeSet<String> = ROOMS.map(|(name, _)| name.to_owned()).into();
     assert_eq!(found, listed);
 }
@@ -89,7 +73,7 @@ fn a_forbidden_path_is_found() {
         1
     );
     assert_eq!(violations("src/learn/mod.rs", "use crate::map::Map;"), 0);
-    assert_eq!(violations("src/simd/mod.rs", "use crate::time::Time;"), 1);
+    assert_eq!(violations("src/simd/mod.rs", "use crate::map::Map;"), 1);
     assert_eq!(violations("src/simd/avx2.rs", "use crate::simd::Bits;"), 0);
     // Not only in `use` lines, not only one at a time, not only by `crate`.
     assert_eq!(
@@ -99,7 +83,7 @@ fn a_forbidden_path_is_found() {
     assert_eq!(
         violations(
             "src/map/mod.rs",
-            "use crate::{\n    learn::{Learner, Learnt},\n    localize, time::Time,\n};"
+            "use crate::{\n    learn::{Learner, Learnt},\n    localize, simd::Kernel,\n};"
         ),
         2
     );
@@ -113,16 +97,20 @@ fn a_forbidden_path_is_found() {
         1
     );
     assert_eq!(violations("src/map/mod.rs", "use crate::helpers::x;"), 1);
-    // The two sentences.
-    assert_eq!(violations("src/feature/mod.rs", "use crate::Time;"), 1);
-    assert_eq!(violations("src/feature/mod.rs", "use crate::Error;"), 0);
+    // Vision knows nothing of time.
+    for path in [
+        "fremen::Time",
+        "fremen::spectrum::x",
+        "fremen::{Error, Time}",
+    ] {
+        let source = format!("use {path};");
+        assert_eq!(violations("src/feature/mod.rs", &source), 1, "{source}");
+        assert_eq!(violations("src/matching/mod.rs", &source), 1, "{source}");
+        assert_eq!(violations("src/map/mod.rs", &source), 0, "{source}");
+    }
     assert_eq!(
-        violations("src/matching/mod.rs", "use crate::spectrum::x;"),
-        1
-    );
-    assert_eq!(
-        violations("src/visibility/mod.rs", "use crate::feature::x;"),
-        1
+        violations("src/feature/mod.rs", "use fremen::{Error, Result};"),
+        0
     );
     // What does not count.
     assert_eq!(
@@ -170,7 +158,7 @@ fn a_forbidden_path_is_found() {
 #[test]
 fn unsafe_code_stands_where_it_is_named_only() {
     let mut num_inside = 0;
-    let others = ["eval/src", "tests", "benches", "examples"];
+    let others = ["crates", "eval/src", "tests", "benches", "examples"];
     let others = others.into_iter().flat_map(rust_files);
     for (path, source) in library().into_iter().chain(others) {
         let num_unsafe = words(&blank(&source))
@@ -189,7 +177,7 @@ fn unsafe_code_stands_where_it_is_named_only() {
 #[test]
 fn every_file_says_first_what_it_is_for() {
     let mut found = Vec::new();
-    for folder in ["src", "eval/src", "tests", "benches", "examples"] {
+    for folder in ["src", "crates", "eval/src", "tests", "benches", "examples"] {
         for (path, source) in rust_files(folder) {
             let paragraph: Vec<&str> = (source.lines())
                 .map_while(|line| line.strip_prefix("//! "))
@@ -208,7 +196,7 @@ fn every_file_says_first_what_it_is_for() {
 #[test]
 fn every_lint_that_is_switched_off_says_why() {
     let mut found = Vec::new();
-    for folder in ["src", "eval", "tests", "benches", "examples"] {
+    for folder in ["src", "crates", "eval", "tests", "benches", "examples"] {
         for (path, source) in rust_files(folder) {
             let lines: Vec<&str> = source.lines().collect();
             for (at, line) in lines.iter().enumerate() {
@@ -281,28 +269,32 @@ fn a_misnamed_test_on_real_data_is_found() {
 fn judge(path: &str, source: &str) -> (usize, Vec<String>) {
     let numbers: BTreeMap<&str, u32> = ROOMS.into();
     let own = room(path);
+    let own_number = numbers.get(own).copied().unwrap_or(u32::MAX);
     let mut violations = Vec::new();
     let code = without_tests(&blank(source));
-    let paths = named_rooms(&code, depth(path));
-    for name in &paths {
-        let short = SHORT_NAMES.iter().find(|(short, _)| short == name);
-        let target = short.map_or(name.as_str(), |(_, room)| room);
-        let Some(number) = numbers.get(target) else {
+    let rooms = named_rooms(&code, depth(path));
+    for name in &rooms {
+        let Some(number) = numbers.get(name.as_str()) else {
             violations.push(format!("{path} names `crate::{name}`, which is no room"));
             continue;
         };
-        // A file of one room names its own room freely; the command's `main` only calls it.
-        let own_number = numbers.get(own).copied().unwrap_or(u32::MAX);
-        let strange = STRANGERS
-            .iter()
-            .any(|(who, whom)| who.contains(&own) && whom.contains(&target));
-        if target != own && (*number >= own_number || strange) {
+        // A file of one room names its own room freely.
+        if name != own && *number >= own_number {
+            violations.push(format!("{path}: room `{own}` must not name room `{name}`"));
+        }
+    }
+    let of_time = names_behind(&code, |code, at| {
+        let prefix = "fremen::";
+        code[at..].starts_with(prefix).then_some(at + prefix.len())
+    });
+    if VISION.contains(&own) {
+        for name in of_time.iter().filter(|it| !TIMELESS.contains(&&***it)) {
             violations.push(format!(
-                "{path}: room `{own}` must not name room `{target}`"
+                "{path}: room `{own}` must not name `fremen::{name}`"
             ));
         }
     }
-    (paths.len(), violations)
+    (rooms.len() + of_time.len(), violations)
 }
 
 /// The room that a file of `src/` belongs to.
@@ -322,12 +314,17 @@ fn depth(path: &str) -> usize {
 
 /// The first names of all paths from the crate's root.
 fn named_rooms(code: &str, depth: usize) -> Vec<String> {
+    names_behind(code, |code, at| from_root(code, at, depth))
+}
+
+/// The first names of all paths with a prefix: `behind` says where it ends if it starts at a position.
+fn names_behind(code: &str, behind: impl Fn(&str, usize) -> Option<usize>) -> Vec<String> {
     let mut names = Vec::new();
     let bytes = code.as_bytes();
     let mut at = 0;
     while at < code.len() {
-        let starts_word = matches!(bytes[at], b'c' | b's') && (at == 0 || !is_word(bytes[at - 1]));
-        let Some(mut end) = starts_word.then(|| from_root(code, at, depth)).flatten() else {
+        let starts_word = is_word(bytes[at]) && (at == 0 || !is_word(bytes[at - 1]));
+        let Some(mut end) = starts_word.then(|| behind(code, at)).flatten() else {
             at += 1;
             continue;
         };

@@ -2,8 +2,6 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)] // reason: a test that cannot prepare itself has failed.
 
 mod architecture;
-mod cli;
-mod cli_spectrum;
 mod dataset;
 mod exchange;
 #[cfg(unix)]
@@ -20,10 +18,6 @@ mod matching;
 mod merge;
 mod newer;
 mod query_form;
-mod spectrum;
 mod synthetic;
 mod tracking;
 mod untrusted;
-mod visibility;
-mod visibility_series;
-mod visibility_suite;

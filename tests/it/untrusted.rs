@@ -12,11 +12,11 @@ use chronotope::feature::{
     DecodeLimits, ExtractorConfig, LoadOptions, image_file::exif_time, load_gray,
 };
 use chronotope::learn::{LearnConfig, Learner, Observation};
-use chronotope::localize::trace::Trace;
 use chronotope::localize::{
     Localizer, LocalizerConfig, Method, MotionConfig, Preset, Query, Score,
 };
 use chronotope::map::{Held, Map, MapMeta, SessionId, Snapshot, read_file_storage};
+use chronotope::trace::Trace;
 use serde::de::DeserializeOwned;
 
 /// Takes bytes from anywhere and must come back.

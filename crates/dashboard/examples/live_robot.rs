@@ -20,9 +20,9 @@ use anyhow::{Context, Result, ensure};
 use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
 use chronotope::feature::{Extractor, GrayImage, StarBrief, StarBriefConfig};
 use chronotope::learn::{LearnConfig, Learner, Observation};
-use chronotope::localize::trace::{Shot, Stage, TraceConfig, Tracer};
 use chronotope::localize::{Localization, Localizer, LocalizerConfig, Query};
 use chronotope::map::{MapMeta, SessionId, derived_uuid};
+use chronotope::trace::{Shot, Stage, TraceConfig, Tracer};
 use chronotope_dashboard::{Background, Destination, Page, RecorderConfig};
 use clap::Parser;
 

@@ -8,7 +8,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
 use anyhow::{Context, Result, anyhow};
-use chronotope::localize::trace::Trace;
+use chronotope::trace::Trace;
 
 use crate::{Destination, Recorder, RecorderConfig};
 

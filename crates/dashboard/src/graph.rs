@@ -7,7 +7,7 @@
 
 use std::f64::consts::TAU;
 
-use chronotope::localize::trace::MapSheet;
+use chronotope::trace::MapSheet;
 
 /// Width of the drawing.
 const SIZE: f64 = 400.0;
@@ -103,7 +103,7 @@ fn on_a_circle(num: usize) -> Vec<[f32; 2]> {
 
 #[cfg(test)]
 mod tests {
-    use chronotope::localize::trace::PlaceSheet;
+    use chronotope::trace::PlaceSheet;
 
     use super::*;
 

@@ -1,6 +1,6 @@
 //! What did the robot believe, and why?
 //!
-//! Turns traces of localisations ([`chronotope::localize::trace::Trace`]) into recordings for the rerun
+//! Turns traces of localisations ([`chronotope::trace::Trace`]) into recordings for the rerun
 //! viewer: live picture with its features, predicted maps, posterior, graph of places, histories and
 //! rhythms, similarity, latency and the decision with its reason, arranged on two pages. The command
 //! `chronotope-dashboard` does this for files and pipes; a robot's own loop uses [`Recorder`] directly

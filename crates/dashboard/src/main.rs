@@ -10,7 +10,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
-use chronotope::localize::trace::Trace;
+use chronotope::trace::Trace;
 use chronotope_dashboard::{Destination, Page, Recorder, RecorderConfig, TraceReader};
 use clap::{ArgGroup, Parser};
 

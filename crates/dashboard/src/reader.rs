@@ -6,7 +6,7 @@
 use std::io::{BufRead, Read as _};
 
 use anyhow::{Context, Result, bail, ensure};
-use chronotope::localize::trace::{SCHEMA_VERSION, Trace};
+use chronotope::trace::{SCHEMA_VERSION, Trace};
 
 /// Lines longer than this are refused: a place of 300 features takes about 20 kB, so this is a map of
 /// thousands of places.

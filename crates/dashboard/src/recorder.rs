@@ -20,9 +20,9 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use chronotope::Time;
-use chronotope::localize::trace::{CurveSheet, MapSheet, Trace, TracePoint};
 use chronotope::localize::{Candidate, Decision};
 use chronotope::map::PlaceKey;
+use chronotope::trace::{CurveSheet, MapSheet, Trace, TracePoint};
 use rerun::external::re_sdk_types::datatypes::Range2D;
 use rerun::sink::{FileSink, FileSinkOptions};
 use rerun::{
@@ -933,9 +933,9 @@ mod tests {
     use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
     use chronotope::feature::{Extractor, StarBrief, StarBriefConfig};
     use chronotope::learn::{LearnConfig, Learner, Observation};
-    use chronotope::localize::trace::{Shot, Stage, TraceConfig, Tracer};
     use chronotope::localize::{Localizer, LocalizerConfig, Query};
     use chronotope::map::{MapMeta, NodeId, SessionId, derived_uuid};
+    use chronotope::trace::{Shot, Stage, TraceConfig, Tracer};
     use rerun::log::{Chunk, LogMsg};
     use rerun::sink::MemorySinkStorage;
 

@@ -13,9 +13,9 @@ use std::time::Duration;
 use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
 use chronotope::feature::{Extractor, GrayImage, StarBrief, StarBriefConfig};
 use chronotope::learn::{LearnConfig, Learner, Observation};
-use chronotope::localize::trace::{Shot, Stage, TraceConfig, Tracer};
 use chronotope::localize::{Localizer, LocalizerConfig, Query};
 use chronotope::map::{Map, MapMeta, SessionId, Snapshot, derived_uuid};
+use chronotope::trace::{Shot, Stage, TraceConfig, Tracer};
 use chronotope_dashboard::{Background, Destination, RecorderConfig, entities, rows};
 
 const NUM_QUERIES: usize = 4;
@@ -59,7 +59,7 @@ impl Street {
     }
 
     /// Gives the trace of every picture to `take`.
-    fn trace(&self, mut take: impl FnMut(chronotope::localize::trace::Trace<'_>)) {
+    fn trace(&self, mut take: impl FnMut(chronotope::trace::Trace<'_>)) {
         let localizer =
             Localizer::new(Arc::clone(&self.snapshot), LocalizerConfig::default()).unwrap();
         let mut tracer = Tracer::new(TraceConfig::default());

@@ -19,7 +19,7 @@ use std::path::Path;
 
 use chronotope::Result;
 use chronotope::feature::GrayImage;
-use chronotope::localize::trace::SpectrumSheet;
+use chronotope::trace::SpectrumSheet;
 
 use crate::results::{SuiteResults, write_atomically};
 use html::{Esc, put};

@@ -4,7 +4,7 @@ use super::Raster;
 use super::html::{Esc, put};
 use super::pictures::time_ticks;
 use super::plot::path;
-use chronotope::localize::trace::SpectrumSheet;
+use chronotope::trace::SpectrumSheet;
 
 const WIDTH: f64 = 960.0;
 const LEFT: f64 = 16.0;

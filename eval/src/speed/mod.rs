@@ -26,7 +26,7 @@ mod rivals;
 mod search;
 mod table;
 mod targets;
-#[path = "../../../benches/temporal/mod.rs"]
+#[path = "../../../crates/fremen/benches/temporal/mod.rs"]
 mod temporal;
 
 use std::path::{Path, PathBuf};

@@ -8,7 +8,7 @@
 use std::f64::consts::TAU;
 
 use chronotope::feature::GrayImage;
-use chronotope::localize::trace::SpectrumSheet;
+use chronotope::trace::SpectrumSheet;
 use chronotope_eval::report::{
     FeatureClass, FeaturePicture, GalleryImage, Mistake, Observation, PicturedFeature, Pictures,
     ProbabilityCurve, Raster, RasterRow, TimeAxis,

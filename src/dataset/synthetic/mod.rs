@@ -43,10 +43,10 @@ pub use scene::{Element, ElementKind};
 use self::random::Rng;
 use self::scene::{Scene, Street};
 use super::{Clock, Dataset, Entry, ImageSource};
-use crate::error::{Error, ErrorKind, Result};
 use crate::feature::GrayImage;
 use crate::map::{Edge, PlaceKey};
-use crate::time::{Period, Time};
+use fremen::error::{Error, ErrorKind, Result};
+use fremen::time::{Period, Time};
 
 /// What world to make.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -9,7 +9,7 @@ use super::paint::{self, Patch};
 use super::random::{Rng, hash};
 use super::rhythm::{smoothstep, wave};
 use super::scene::{MARGIN, Scene, Street};
-use crate::time::{Period, Time};
+use fremen::time::{Period, Time};
 
 /// Where the camera of a visit stands relative to the reference frame.
 ///

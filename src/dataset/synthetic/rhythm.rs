@@ -12,7 +12,7 @@
 //! first of January, give or take the calendar's leap days). No function of the platform's
 //! mathematical library is called, so p(t) is the same number everywhere.
 
-use crate::time::{Period, Time};
+use fremen::time::{Period, Time};
 
 /// A smooth window on a cycle of length 1: up around `start`, down around `end`.
 ///

@@ -9,7 +9,7 @@ use super::paint::{self, Patch};
 use super::random::{Rng, hash};
 use super::rhythm::{Activity, Rhythm, Window};
 use crate::feature::Rect;
-use crate::time::Time;
+use fremen::time::Time;
 
 /// How far pictures may reach beyond the image, px; more than any viewpoint moves.
 pub(super) const MARGIN: i32 = 16;

@@ -43,13 +43,13 @@ use serde::{Deserialize, Serialize};
 
 use super::evidence::{Expectation, Hits, LogMean, Strays};
 use super::{Evidence, Localizer, Method, Plan, Score, Scratch};
-use crate::error::Result;
 use crate::feature::{Features, FeaturesView};
 use crate::map::{Node, NodeId, Reobservation, Snapshot};
 use crate::matching::{Displacement, Match, Vote};
 use crate::predict::{PredictedMap, Selection, Witnesses};
-use crate::time::Time;
-use crate::visibility::{self, BitRow, Visits};
+use fremen::error::Result;
+use fremen::time::Time;
+use fremen::visibility::{self, BitRow, Visits};
 
 /// So many trials at the mean rate are added to those of each feature.
 const FALSE_RATE_PRIOR: f64 = 20.0;

@@ -16,10 +16,10 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::{Calibration, SIZES};
-use crate::error::{Error, ErrorKind, Result};
 use crate::localize::{Candidates, Localizer, LocalizerConfig, Score};
 use crate::map::Snapshot;
 use crate::predict::Selection;
+use fremen::error::{Error, ErrorKind, Result};
 
 /// The name of the attachment.
 pub const ATTACHMENT: &str = "calibration";

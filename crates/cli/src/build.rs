@@ -1,0 +1,540 @@
+//! How does a folder of images become a map, or more of a map?
+//!
+//! Visits are learnt in order of time into `MAP.part`, and committed every few seconds. Only the
+//! finished map gets the name MAP, so what bears it is whole. The same command goes on where an
+//! interrupted one stopped: the part's UUID is derived from dataset, extractor and configuration, so a
+//! part of another build is refused, and visits it holds (same session, place, time and source) are
+//! not read again. The reference recipe (preset `lttl`) can write its log only once all images are
+//! known: it commits once, at the end, and starts again if it is interrupted.
+//!
+//! An update learns into the map itself: each commit is a generation that can be returned to.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+use clap::{Args, ValueEnum};
+use rayon::prelude::*;
+
+use super::config::Config;
+use super::new_map::{finish, part_of, refuse_existing};
+use super::output::Output;
+use super::progress::Progress;
+use super::student::{now, store};
+use super::{ConfigArgs, Outcome, held, interrupt, named, preset_of};
+use chronotope::dataset::{Clock, Dataset, Entry, Manifest, Problem};
+use chronotope::error::{Error, ErrorKind};
+use chronotope::feature::{Extractor, ExtractorConfig, Features, GrayImage, StarBriefConfig};
+use chronotope::learn::{
+    Circumstances, ClockPolicy, KeepAppearances, LearnConfig, Learner, Observation, Recipe,
+};
+use chronotope::localize::Preset;
+use chronotope::map::{Map, MapMeta, PlaceKey, SessionId, Snapshot, derived_uuid};
+use chronotope::time::Time;
+
+/// Images that each thread extracts before they are learnt.
+const IMAGES_PER_THREAD: usize = 8;
+/// Commits are this many times as far apart as the last one took, so that most of the time goes into
+/// learning.
+const COMMIT_SHARE: u32 = 20;
+
+/// Learn a map from images of known places and times.
+///
+/// Ctrl-C loses nothing: visits are committed to MAP.part every few seconds, and the same command goes
+/// on where it stopped; the finished map is then renamed to MAP. With the reference recipe (preset
+/// `lttl`) visibility is known only once all images are: it commits once, at the end. Images that
+/// cannot be used are left out, counted and listed.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  chronotope map build --data photos/ --out street.map
+  chronotope map build --data datasets/stromovka.toml --out park.map --preset lttl
+  chronotope map build --print-config > numbers.toml
+  chronotope map build --data photos/ --out street.map --config numbers.toml --keep-appearances all")]
+pub(super) struct BuildArgs {
+    /// A folder with an index.csv (or in a known layout), or a manifest (*.toml).
+    #[arg(
+        long,
+        value_name = "DIR|MANIFEST",
+        required_unless_present = "print_config"
+    )]
+    data: Option<PathBuf>,
+    /// The file to write; one that exists is never overwritten.
+    #[arg(long, value_name = "MAP", required_unless_present = "print_config")]
+    out: Option<PathBuf>,
+    /// Where all numbers come from: our own (default), or the recipe of the FreMEn authors' benchmark.
+    #[arg(long, default_value = "default", value_parser = named::<Preset>(Preset::ALL.map(Preset::name)))]
+    preset: Preset,
+    #[command(flatten)]
+    config: ConfigArgs,
+    /// Which visits keep their own features, for the experience methods (of the preset if not given).
+    #[arg(long, value_name = "WHICH")]
+    keep_appearances: Option<Keep>,
+    #[command(flatten)]
+    commits: CommitArgs,
+}
+
+/// Learn more images of known places and times into a map.
+///
+/// Visits that the map has already (same dataset, place, time and image) are not read again, so the
+/// same command can be repeated. Every few seconds what was learnt is committed as a generation, and
+/// `map rollback` returns to any of them. With the reference recipe (preset `lttl`) all of the map is
+/// written anew, once, at the end. Give the numbers that the map was built with.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  chronotope map update street.map --data june/
+  chronotope map update street.map --data june/ --config numbers.toml")]
+pub(super) struct UpdateArgs {
+    /// The map file.
+    map: PathBuf,
+    /// A folder with an index.csv (or in a known layout), or a manifest (*.toml).
+    #[arg(long, value_name = "DIR|MANIFEST")]
+    data: PathBuf,
+    /// TOML with the table [learn]; a key that is given replaces that of the map's preset.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Which visits keep their own features, for the experience methods (of the preset if not given).
+    #[arg(long, value_name = "WHICH")]
+    keep_appearances: Option<Keep>,
+    #[command(flatten)]
+    commits: CommitArgs,
+}
+
+#[derive(Clone, Copy, Debug, Args)]
+struct CommitArgs {
+    /// Seconds of learning that a crash may cost: commits are at least this far apart.
+    #[arg(long = "commit-every", value_name = "SECONDS", default_value_t = 1)]
+    every_s: u32,
+}
+
+impl CommitArgs {
+    fn interval(self) -> Duration {
+        Duration::from_secs(u64::from(self.every_s))
+    }
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Keep {
+    None,
+    Experiences,
+    All,
+}
+
+impl From<Keep> for KeepAppearances {
+    fn from(keep: Keep) -> Self {
+        match keep {
+            Keep::None => Self::None,
+            Keep::Experiences => Self::Experiences,
+            Keep::All => Self::All,
+        }
+    }
+}
+
+pub(super) fn run(args: &BuildArgs, out: &mut Output) -> Result<Outcome> {
+    let mut config = Config::read(args.config.config.as_deref(), args.preset)?;
+    if let Some(keep) = args.keep_appearances {
+        config.learn = config.learn.with_keep_appearances(keep.into());
+    }
+    if args.config.print_config {
+        out.line(config.to_toml()?.trim_end())?;
+        return Ok(Outcome::Good);
+    }
+    let (Some(data), Some(map)) = (&args.data, &args.out) else {
+        anyhow::bail!("--data and --out are missing");
+    };
+    refuse_existing(map)?;
+    let (manifest, dataset) = open_dataset(data)?;
+    interrupt::watch()?;
+    Build::new(
+        args.preset,
+        config.learn.for_building(),
+        &manifest,
+        dataset,
+        map,
+    )?
+    .run(args.commits.interval(), out)
+}
+
+pub(super) fn update(args: &UpdateArgs, out: &mut Output) -> Result<Outcome> {
+    let map = Map::open(&args.map)?;
+    if map.is_read_only() {
+        return Err(Error::new(ErrorKind::Io, "this map may not be written")
+            .with_path(&args.map)
+            .with_help("change the rights or copy it")
+            .into());
+    }
+    let preset = preset_of(&map.snapshot().meta);
+    let mut config = Config::read(args.config.as_deref(), preset)?;
+    if let Some(keep) = args.keep_appearances {
+        config.learn = config.learn.with_keep_appearances(keep.into());
+    }
+    let (_, dataset) = open_dataset(&args.data)?;
+    if dataset.clock == Clock::None {
+        // Times that only number the visits are no clock's.
+        let guard = (config.learn.guard().clone()).with_clock(ClockPolicy::Ignore);
+        config.learn = config.learn.with_guard(guard);
+    }
+    interrupt::watch()?;
+    Build::onto(map, config.learn, dataset)?.run(args.commits.interval(), out)
+}
+
+fn open_dataset(data: &Path) -> Result<(Manifest, Dataset)> {
+    let (manifest, data_dir) = Manifest::locate(data)?;
+    let dataset = Dataset::open_with(&manifest, &data_dir)?;
+    if dataset.clock == Clock::None {
+        eprintln!(
+            "warning: the times of `{}` only number its visits: localise with --method static or an \
+             experience method",
+            dataset.name
+        );
+    }
+    Ok((manifest, dataset))
+}
+
+/// A build that is under way.
+struct Build {
+    dataset: Dataset,
+    session: SessionId,
+    extractor: Box<dyn Extractor>,
+    learner: Learner,
+    map: Map,
+    /// The map's name once it is finished.
+    out: PathBuf,
+    /// Its name until then, if that is another.
+    part: Option<PathBuf>,
+    problems: Vec<Problem>,
+    num_learnt: usize,
+    num_held: usize,
+}
+
+struct Extracted {
+    features: Features,
+    image_size: (u32, u32),
+    gray_range: Option<(u8, u8)>,
+    mask: Option<GrayImage>,
+}
+
+impl Build {
+    fn new(
+        preset: Preset,
+        cfg: LearnConfig,
+        manifest: &Manifest,
+        dataset: Dataset,
+        out: &Path,
+    ) -> Result<Self> {
+        let extractor = ExtractorConfig::StarBrief(
+            StarBriefConfig::default().with_num_features(cfg.features_per_visit()),
+        )
+        .build()?;
+        let part = part_of(out);
+        let seed = [
+            &dataset.name,
+            &dataset.sha256(),
+            &extractor.id(),
+            preset.name(),
+            &toml::to_string(&cfg)?,
+        ]
+        .join("\n");
+        let meta = MapMeta {
+            zone: manifest.time.zone.clone(),
+            ..MapMeta::new(derived_uuid(&seed), extractor.id(), preset.name())
+        };
+        let map = open_part(&part, meta)?;
+        let build = Self::with(map, extractor, cfg, dataset)?;
+        Ok(Self {
+            out: out.to_owned(),
+            part: Some(part),
+            ..build
+        })
+    }
+
+    /// An update of a finished map.
+    fn onto(map: Map, cfg: LearnConfig, dataset: Dataset) -> Result<Self> {
+        let extractor = ExtractorConfig::from_id(&map.snapshot().meta.extractor)
+            .and_then(|extractor| extractor.build())
+            .map_err(|error| error.with_path(map.path()).with_place("extractor"))?;
+        Self::with(map, extractor, cfg, dataset)
+    }
+
+    fn with(
+        map: Map,
+        extractor: Box<dyn Extractor>,
+        cfg: LearnConfig,
+        mut dataset: Dataset,
+    ) -> Result<Self> {
+        Ok(Self {
+            session: SessionId::derive(&dataset.name),
+            problems: std::mem::take(&mut dataset.problems),
+            learner: Learner::resume(cfg, (*map.snapshot()).clone())?,
+            dataset,
+            extractor,
+            out: map.path().to_owned(),
+            part: None,
+            map,
+            num_learnt: 0,
+            num_held: 0,
+        })
+    }
+
+    fn run(mut self, commit_interval: Duration, out: &mut Output) -> Result<Outcome> {
+        match self.learn(commit_interval) {
+            Ok(true) => {}
+            Ok(false) => return self.stop(),
+            Err(error) => return Err(self.give_up(error)),
+        }
+        if self.learner.snapshot()?.nodes.is_empty() {
+            self.list_problems();
+            self.remove_if_empty();
+            return Err(Error::new(ErrorKind::Image, "no image could be learnt")
+                .with_path(&self.out)
+                .with_help("see the problems above; `chronotope dataset check` finds them all")
+                .into());
+        }
+        match self.finish() {
+            Ok(snapshot) => {
+                self.list_problems();
+                if self.num_held > 0 {
+                    eprintln!("{} visits are held: see above", self.num_held);
+                }
+                let summary = snapshot.summary();
+                out.line(format_args!(
+                    "{}: {} places, {} visits ({} learnt now), {} features, {} appearances kept",
+                    self.out.display(),
+                    summary.num_places,
+                    summary.num_visits,
+                    self.num_learnt,
+                    summary.num_features,
+                    summary.num_appearances,
+                ))?;
+                Ok(Outcome::Good)
+            }
+            Err(error) => Err(self.give_up(error)),
+        }
+    }
+
+    /// Learns what the part does not hold yet; false if it was asked to stop.
+    fn learn(&mut self, commit_interval: Duration) -> Result<bool> {
+        let known = self.known_visits();
+        let entries = std::mem::take(&mut self.dataset.entries);
+        let pending: Vec<&Entry> = (entries.iter())
+            .filter(|entry| !known.contains(&(entry.place.clone(), entry.time, entry.id.clone())))
+            .collect();
+        let num_known = entries.len() - pending.len();
+        if num_known > 0 {
+            eprintln!(
+                "going on: {num_known} of {} visits are in {}",
+                entries.len(),
+                self.map.path().display()
+            );
+        }
+        let progress = Progress::new("learning", entries.len());
+        let chunk_len = IMAGES_PER_THREAD * rayon::current_num_threads();
+        let mut num_done = num_known;
+        let mut next_commit = Instant::now() + commit_interval;
+        for chunk in pending.chunks(chunk_len) {
+            let extracted: Vec<_> = chunk
+                .par_iter()
+                .map(|entry| (!interrupt::is_requested()).then(|| self.extract(entry)))
+                .collect();
+            for (entry, extracted) in chunk.iter().zip(extracted) {
+                let Some(extracted) = extracted.filter(|_| !interrupt::is_requested()) else {
+                    return Ok(false);
+                };
+                if let Err(error) = extracted.and_then(|image| self.observe(entry, &image)) {
+                    self.problems.push(Problem {
+                        subject: entry.id.clone(),
+                        message: error.to_string(),
+                    });
+                }
+                num_done += 1;
+                progress.reach(num_done);
+            }
+            if self.commits_early() && Instant::now() >= next_commit {
+                let start = Instant::now();
+                let generation = store(&self.map, &mut self.learner)?;
+                tracing::info!(generation, visits = num_done, "committed");
+                let pause = commit_interval.max(start.elapsed().saturating_mul(COMMIT_SHARE));
+                next_commit = Instant::now() + pause;
+            }
+        }
+        Ok(true)
+    }
+
+    /// The visits that the part has learnt or holds.
+    fn known_visits(&self) -> HashSet<(PlaceKey, Time, String)> {
+        let snapshot = self.map.snapshot();
+        let visits = (snapshot.nodes.iter())
+            .flat_map(|node| node.visits.iter().map(move |visit| (node, visit)))
+            .filter(|(_, visit)| visit.session == self.session)
+            .map(|(node, visit)| (node.key.clone(), visit.time, visit.source.clone()));
+        let held = (self.learner.held().visits().iter())
+            .filter(|visit| visit.session == self.session)
+            .map(|visit| (visit.place.clone(), visit.time, visit.source.clone()));
+        visits.chain(held).collect()
+    }
+
+    fn extract(&self, entry: &Entry) -> chronotope::Result<Extracted> {
+        let image = entry.source.load()?;
+        let mask = entry.source.mask(image.width(), image.height())?;
+        Ok(Extracted {
+            features: self.extractor.extract(&image, mask.as_ref())?,
+            image_size: (image.width() as u32, image.height() as u32),
+            gray_range: image.gray_range(mask.as_ref()),
+            mask,
+        })
+    }
+
+    fn observe(&mut self, entry: &Entry, image: &Extracted) -> chronotope::Result<()> {
+        let observation = Observation {
+            place: entry.place.clone(),
+            session: self.session,
+            time: entry.time,
+            features: &image.features,
+            image_size: image.image_size,
+            mask: image.mask.as_ref(),
+            source: entry.id.clone(),
+        };
+        let circumstances = Circumstances {
+            now: now(),
+            is_live: false,
+            gray_range: image.gray_range,
+        };
+        let learnt = (self.learner).observe_under(&observation, &circumstances)?;
+        if let Some(doubt) = &learnt.doubt {
+            self.num_held += 1;
+            held::tell(&entry.id, doubt, &self.out);
+            return Ok(());
+        }
+        self.num_learnt += 1;
+        tracing::debug!(
+            place = entry.place.as_str(),
+            time = %entry.time,
+            seen = learnt.num_seen,
+            born = learnt.num_born,
+            experience = learnt.experience,
+            "learnt"
+        );
+        Ok(())
+    }
+
+    fn commits_early(&self) -> bool {
+        self.learner.cfg().recipe() != Recipe::Reference
+    }
+
+    /// Adds what the dataset knows of places, commits, and gives the map its name.
+    fn finish(&mut self) -> Result<Arc<Snapshot>> {
+        let mut snapshot = (*self.learner.snapshot()?).clone();
+        for node in &mut snapshot.nodes {
+            let pose = self.dataset.poses.get(&node.key).copied();
+            if pose.is_some() && node.pose != pose {
+                Arc::make_mut(node).pose = pose;
+            }
+        }
+        // A place without a usable image is not in the map, so its edges are not either.
+        for edge in &self.dataset.edges {
+            let ends = [&edge.from, &edge.to];
+            match ends.into_iter().find(|key| snapshot.find(key).is_none()) {
+                None => {
+                    snapshot.add_edge(edge.clone())?;
+                }
+                Some(missing) => self.problems.push(Problem {
+                    subject: format!("edge {} -> {}", edge.from, edge.to),
+                    message: format!("no image of `{missing}` could be learnt"),
+                }),
+            }
+        }
+        // With the reference recipe, what is visible in a new image may change what was visible in an old one; with
+        // a budget, something may have been forgotten.
+        self.map.replace(&snapshot)?;
+        let Some(part) = &self.part else {
+            return Ok(self.map.snapshot());
+        };
+        finish(part, &self.out)?;
+        Ok(self.map.snapshot())
+    }
+
+    /// Keeps what was learnt, after Ctrl-C.
+    fn stop(&mut self) -> Result<Outcome> {
+        if self.commits_early() {
+            store(&self.map, &mut self.learner)?;
+        }
+        self.list_problems();
+        let num_kept = self.map.snapshot().summary().num_visits;
+        self.remove_if_empty();
+        if num_kept > 0 {
+            eprintln!(
+                "interrupted: {num_kept} visits are safe in {}; to go on, give the same command again",
+                self.map.path().display()
+            );
+        } else if self.commits_early() {
+            eprintln!("interrupted: nothing was learnt yet; to start, give the same command again");
+        } else {
+            eprintln!(
+                "interrupted: the reference recipe writes its map at the end, so nothing is kept; to \
+                 start, give the same command again"
+            );
+        }
+        Ok(Outcome::Interrupted)
+    }
+
+    /// Says what is left after a failure.
+    fn give_up(&self, error: anyhow::Error) -> anyhow::Error {
+        self.list_problems();
+        let num_kept = self.map.snapshot().summary().num_visits;
+        if num_kept == 0 {
+            self.remove_if_empty();
+            return error;
+        }
+        eprintln!(
+            "note: {num_kept} visits are safe in {}; to go on, give the same command again",
+            self.map.path().display()
+        );
+        error
+    }
+
+    /// A part without visits would only be in the way.
+    fn remove_if_empty(&self) {
+        if let Some(part) = &self.part
+            && self.map.snapshot().nodes.is_empty()
+        {
+            let _ = std::fs::remove_file(part);
+        }
+    }
+
+    fn list_problems(&self) {
+        for problem in &self.problems {
+            eprintln!("problem: {problem}");
+        }
+        match self.problems.len() {
+            0 => {}
+            1 => eprintln!("1 problem: the above was left out"),
+            count => eprintln!("{count} problems: the above were left out"),
+        }
+    }
+}
+
+/// The part of an interrupted build like this one, or a new one.
+fn open_part(part: &Path, meta: MapMeta) -> Result<Map> {
+    if std::fs::symlink_metadata(part).is_err() {
+        return Ok(Map::create(part, meta)?);
+    }
+    let map = Map::open(part).with_context(|| {
+        format!(
+            "cannot go on with {} (help: remove it to start again)",
+            part.display()
+        )
+    })?;
+    if map.snapshot().meta.uuid != meta.uuid {
+        return Err(Error::new(
+            ErrorKind::Config,
+            "this is part of a build from another dataset or with other numbers",
+        )
+        .with_path(part)
+        .with_help("give the same command as then, choose another name, or remove it")
+        .into());
+    }
+    Ok(map)
+}

@@ -1,0 +1,150 @@
+//! How do other programs read a map, and how are theirs read?
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use clap::Args;
+
+use super::output::Output;
+use super::{Outcome, new_map};
+use chronotope::error::{Error, ErrorKind};
+use chronotope::feature::{ExtractorConfig, StarBriefConfig};
+use chronotope::learn::{self, LearnConfig};
+use chronotope::localize::Preset;
+use chronotope::map::{
+    AppearanceUse, FileStorageMap, Map, MapMeta, Node, PlaceKey, SessionId, Snapshot, Visit,
+    VisitId, derived_uuid, features_digest, read_file_storage,
+};
+
+/// Write a map as a folder of plain files: CSV tables and arrays that numpy opens.
+///
+/// `map import` makes the same map of it again, bit for bit. maps/README.md describes the files.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  chronotope map export street.map street/
+  chronotope map export street.map street/ --canonical")]
+pub(super) struct ExportArgs {
+    /// The map file.
+    map: PathBuf,
+    /// The folder to write; must not exist yet, or be empty.
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+    /// In the order that `map merge` gives, so that maps that say the same become the same files.
+    #[arg(long)]
+    canonical: bool,
+}
+
+/// Make a map of a folder that `map export` has written, or of maps of the FreMEn authors' benchmark.
+///
+/// Those are YAML files of OpenCV's `FileStorage`, one a place; the name of the file becomes that of
+/// the place. Their times are taken for seconds since 1970. They hold no images' own features, so the
+/// experience methods cannot be used with such a map.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  chronotope map import street/ --out street.map
+  chronotope map import place_0.yaml place_1.yaml --out park.map")]
+pub(super) struct ImportArgs {
+    /// A folder, or YAML files.
+    #[arg(required = true, value_name = "DIR|YAML")]
+    from: Vec<PathBuf>,
+    /// The file to write; one that exists is never overwritten.
+    #[arg(long, value_name = "MAP")]
+    out: PathBuf,
+}
+
+pub(super) fn export(args: &ExportArgs, out: &mut Output) -> Result<Outcome> {
+    let mut snapshot = Map::open_read_only(&args.map)?.snapshot();
+    if args.canonical {
+        snapshot = learn::merge(&[&snapshot])?.into();
+    }
+    snapshot.export(&args.folder)?;
+    tell(out, &args.folder, &snapshot)
+}
+
+pub(super) fn import(args: &ImportArgs, out: &mut Output) -> Result<Outcome> {
+    new_map::refuse_existing(&args.out)?;
+    let snapshot = match &args.from[..] {
+        [folder] if folder.is_dir() => Snapshot::import(folder)?,
+        files => import_yaml(files)?,
+    };
+    new_map::write(&args.out, &snapshot)?;
+    tell(out, &args.out, &snapshot)
+}
+
+fn tell(out: &mut Output, path: &Path, snapshot: &Snapshot) -> Result<Outcome> {
+    let summary = snapshot.summary();
+    out.line(format_args!(
+        "{}: {} places, {} visits, {} features",
+        path.display(),
+        summary.num_places,
+        summary.num_visits,
+        summary.num_features
+    ))?;
+    Ok(Outcome::Good)
+}
+
+fn import_yaml(files: &[PathBuf]) -> Result<Snapshot> {
+    let num_features = LearnConfig::preset(Preset::Lttl).features_per_visit();
+    let extractor = StarBriefConfig::default().with_num_features(num_features);
+    let extractor = ExtractorConfig::StarBrief(extractor).build()?;
+    let mut nodes = Vec::new();
+    for file in files {
+        let name = file.file_stem().unwrap_or_default().to_string_lossy();
+        let key = PlaceKey::new(&name).map_err(|error| error.with_path(file))?;
+        let place = read_file_storage(file)?;
+        nodes.push(node_of(key, &place).map_err(|error| error.with_path(file))?);
+    }
+    // The same places give the same map.
+    let seed: Vec<String> = (nodes.iter())
+        .flat_map(|node| node.visits.iter().map(|visit| visit.id.to_string()))
+        .collect();
+    let uuid = derived_uuid(&seed.join("\n"));
+    let mut snapshot = Snapshot::empty(MapMeta::new(uuid, extractor.id(), Preset::Lttl.name()));
+    for node in nodes {
+        snapshot.push_node(node)?;
+    }
+    Ok(snapshot)
+}
+
+/// All features are born at the first visit: the recipe of the benchmark looks for each in every image.
+fn node_of(key: PlaceKey, place: &FileStorageMap) -> chronotope::Result<Node> {
+    let mut node = Node::new(key);
+    let session = SessionId::derive("reference benchmark");
+    for (number, (&time, seen)) in place.times.iter().zip(&place.seen).enumerate() {
+        let features =
+            seen.ones()
+                .fold(chronotope::feature::Features::new(), |mut features, id| {
+                    let (keypoint, descriptor) = (
+                        place.features.keypoints()[id],
+                        place.features.descriptors()[id],
+                    );
+                    features.push(keypoint, descriptor);
+                    features
+                });
+        let visit = Visit {
+            id: VisitId::derive(session, &node.key, time, &features_digest(&features)),
+            session,
+            time,
+            source: format!("visit {number}"),
+            appearance: None,
+            appearance_use: AppearanceUse::Recognised,
+        };
+        if node.visits.iter().any(|known| known.id == visit.id) {
+            return Err(Error::new(
+                ErrorKind::Format,
+                format!("visit {number} is the same as an earlier one, at {time}"),
+            )
+            .with_help("each visit needs a time of its own"));
+        }
+        let born = if number == 0 {
+            place.features.clone()
+        } else {
+            chronotope::feature::Features::new()
+        };
+        let located_by = node.unlocated(visit.appearance_use);
+        node.push_visit(visit, &born, seen.clone(), None, located_by)?;
+    }
+    Ok(node)
+}

@@ -1,0 +1,230 @@
+//! Which visits does the map doubt, and what becomes of them?
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::Result;
+use clap::Args;
+use serde_json::json;
+
+use super::config::Config;
+use super::output::Output;
+use super::{Outcome, preset_of};
+use chronotope::error::{Error, ErrorKind};
+use chronotope::learn::{Learner, forget_session};
+use chronotope::map::{Held, HeldVisit, Map, SessionId, Snapshot, VisitId};
+
+/// List the visits that a map holds without having learnt them, each with the reason.
+///
+/// While it learns on, a map holds what does not agree with what was predicted of its place, images on which
+/// next to nothing is to be seen, and times that cannot be right. `map accept` learns such a
+/// visit after all, `map drop` forgets it.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  chronotope map held street.map
+  chronotope map held street.map --json | jq .doubt")]
+pub(super) struct HeldArgs {
+    /// The map file.
+    map: PathBuf,
+    /// One JSON object a visit.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Learn visits that a map holds, after all.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  chronotope map accept street.map 3f2a9c
+  chronotope map accept street.map --all")]
+pub(super) struct AcceptArgs {
+    #[command(flatten)]
+    which: Which,
+    /// TOML with the table [learn]; a key that is given replaces that of the map's preset.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+}
+
+/// Forget visits that a map holds.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  chronotope map drop street.map 3f2a9c
+  chronotope map drop street.map --all")]
+pub(super) struct DropArgs {
+    #[command(flatten)]
+    which: Which,
+}
+
+#[derive(Debug, Args)]
+struct Which {
+    /// The map file.
+    map: PathBuf,
+    /// The visits, or the first digits of their identities, as `map held` lists them.
+    #[arg(value_name = "ID", required_unless_present = "all")]
+    ids: Vec<String>,
+    /// Every visit that is held.
+    #[arg(long, conflicts_with = "ids")]
+    all: bool,
+}
+
+/// Forget all visits of one run of the robot.
+///
+/// This is a new generation: `map rollback` brings them back. Places stay, also where no visits are left.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  chronotope map forget street.map --session june
+  chronotope map forget street.map --session a8288f34900a84daf29e082e068f2780")]
+pub(super) struct ForgetArgs {
+    /// The map file.
+    map: PathBuf,
+    /// The session's UUID, or the name it was derived from: that of the dataset that was learnt.
+    #[arg(long, value_name = "UUID|NAME")]
+    session: String,
+}
+
+pub(super) fn held(args: &HeldArgs, out: &mut Output) -> Result<Outcome> {
+    let map = Map::open_read_only(&args.map)?;
+    let held = held_by(&map)?;
+    for it in held.visits() {
+        if args.json {
+            out.json(&json!({
+                "visit": it.id.to_string(),
+                "place": it.place,
+                "session": it.session.to_string(),
+                "time": it.time.to_string(),
+                "source": it.source,
+                "num_features": it.features.len(),
+                "doubt": it.doubt,
+                "reason": it.doubt.to_string(),
+            }))?;
+        } else {
+            let id = it.id.to_string();
+            out.line(format_args!(
+                "{}  {}  {}  {}: {}",
+                id.get(..8).unwrap_or(&id),
+                it.time,
+                it.place,
+                it.source,
+                it.doubt
+            ))?;
+        }
+    }
+    Ok(Outcome::Good)
+}
+
+pub(super) fn accept(args: &AcceptArgs, out: &mut Output) -> Result<Outcome> {
+    let map = Map::open(&args.which.map)?;
+    let snapshot = map.snapshot();
+    let config = Config::read(args.config.as_deref(), preset_of(&snapshot.meta))?;
+    let ids = args.which.find(&map)?;
+    let mut learner = Learner::resume(config.learn, Snapshot::clone(&snapshot))?;
+    for &id in &ids {
+        learner.accept(id)?;
+    }
+    let generation = map.replace(&*learner.snapshot()?)?;
+    out.line(format_args!(
+        "{}: {} visits learnt, generation {generation}",
+        map.path().display(),
+        ids.len()
+    ))?;
+    Ok(Outcome::Good)
+}
+
+pub(super) fn drop_held(args: &DropArgs, out: &mut Output) -> Result<Outcome> {
+    let map = Map::open(&args.which.map)?;
+    let ids = args.which.find(&map)?;
+    let mut held = held_by(&map)?;
+    for &id in &ids {
+        held.take(id);
+    }
+    let mut snapshot = Snapshot::clone(&map.snapshot());
+    held.attach(&mut snapshot)?;
+    let generation = map.commit(&snapshot)?;
+    out.line(format_args!(
+        "{}: {} visits dropped, generation {generation}",
+        map.path().display(),
+        ids.len()
+    ))?;
+    Ok(Outcome::Good)
+}
+
+pub(super) fn forget(args: &ForgetArgs, out: &mut Output) -> Result<Outcome> {
+    let map = Map::open(&args.map)?;
+    let snapshot = map.snapshot();
+    let session = session_of(&snapshot, &args.session);
+    let (forgotten, num_visits) =
+        forget_session(&snapshot, session).map_err(|error| error.with_path(&args.map))?;
+    let generation = map.replace(&forgotten)?;
+    out.line(format_args!(
+        "{}: {num_visits} visits forgotten, generation {generation} (to undo: map rollback --to {})",
+        args.map.display(),
+        snapshot.generation
+    ))?;
+    Ok(Outcome::Good)
+}
+
+/// The session with this UUID, if the map has one, else the one derived from this name.
+fn session_of(snapshot: &Arc<Snapshot>, text: &str) -> SessionId {
+    let digits: String = text.chars().filter(|&c| c != '-').collect();
+    let named = SessionId::derive(text);
+    let uuid = (digits.len() == 32)
+        .then(|| u128::from_str_radix(&digits, 16).ok())
+        .flatten();
+    let is_known = |session: SessionId| {
+        let mut visits = snapshot.nodes.iter().flat_map(|node| &node.visits);
+        visits.any(|visit| visit.session == session)
+    };
+    match uuid.map(SessionId) {
+        Some(session) if !is_known(named) => session,
+        _ => named,
+    }
+}
+
+fn held_by(map: &Map) -> Result<Held> {
+    Ok(Held::of(&map.snapshot()).map_err(|error| error.with_path(map.path()))?)
+}
+
+impl Which {
+    /// The visits that are meant.
+    fn find(&self, map: &Map) -> Result<Vec<VisitId>> {
+        let held = held_by(map)?;
+        if self.all {
+            return Ok(held.visits().iter().map(|it| it.id).collect());
+        }
+        let mut ids = Vec::new();
+        for text in &self.ids {
+            let id = one(held.visits(), text).map_err(|error| error.with_path(map.path()))?;
+            if !ids.contains(&id) {
+                ids.push(id);
+            }
+        }
+        Ok(ids)
+    }
+}
+
+/// The one visit whose identity begins like this.
+fn one(held: &[HeldVisit], text: &str) -> chronotope::Result<VisitId> {
+    let text = text.to_lowercase();
+    let mut found = (held.iter()).filter(|it| it.id.to_string().starts_with(&text));
+    let refused = |message: String| {
+        Error::new(ErrorKind::Config, message).with_help("`chronotope map held` lists the visits")
+    };
+    match (found.next(), found.next()) {
+        (Some(it), None) => Ok(it.id),
+        (Some(_), Some(_)) => Err(refused(format!("several visits begin with `{text}`"))),
+        (None, _) => Err(refused(format!(
+            "no visit that is held begins with `{text}`"
+        ))),
+    }
+}
+
+/// Says that a visit was not learnt, and why.
+pub(super) fn tell(source: &str, doubt: &chronotope::map::Doubt, map: &Path) {
+    eprintln!(
+        "held: {source}: {doubt} (`chronotope map held {}` lists all)",
+        map.display()
+    );
+}

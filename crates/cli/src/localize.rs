@@ -1,0 +1,633 @@
+//! Where was this image taken?
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use serde::Serialize;
+
+use super::config::Config;
+use super::live::{self, Frames};
+use super::output::Output;
+use super::pictures::{Picture, Pictures, TimeSource};
+use super::student::Student;
+use super::{ConfigArgs, Outcome, interrupt, named, preset_of};
+use chronotope::error::{Error, ErrorKind};
+use chronotope::feature::{
+    Extractor, ExtractorConfig, Features, GrayImage, LoadOptions, load_mask,
+};
+use chronotope::localize::{
+    Candidate, Decision, Localization, Localizer, LocalizerConfig, Method, MotionConfig, Preset,
+    Query, QueryForm, Score, Scratch, Tracker,
+};
+use chronotope::map::{Map, MapMeta, NodeId, PlaceKey, Snapshot};
+use chronotope::predict::Selection;
+use chronotope::time::{Period, Time};
+use chronotope::trace::{Shot, Stage, TraceConfig, Tracer};
+
+/// Say at which place of a map images were taken.
+///
+/// The time of an image is --time, else that of an index.csv in a parent folder that lists it, else its
+/// EXIF time with an offset, else what the file-name rule of --manifest reads. Images that an index
+/// lists are cut and scaled as it says. Exit code 0 if all are located, 1 if one is unknown or
+/// ambiguous, 2 if one cannot be used.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  chronotope localize street.map now.jpg --time 2024-05-01T08:30:00Z
+  chronotope localize street.map photos/*.jpg --json
+  chronotope localize street.map photos/*.jpg --learn
+  chronotope localize street.map run/*.jpg --track
+  chronotope localize street.map now.jpg --method static --n 100 --trace evidence.jsonl
+  chronotope localize park.map 0105.webp --manifest stromovka
+  chronotope localize street.map --camera 0 --trace - | chronotope-dashboard --connect")]
+pub(super) struct LocalizeArgs {
+    /// The map file.
+    #[arg(required_unless_present = "print_config")]
+    map: Option<PathBuf>,
+    /// Image files, or videos (with the cargo feature `opencv`).
+    #[arg(value_name = "IMAGE", required_unless_present_any = ["camera", "print_config"])]
+    images: Vec<PathBuf>,
+    /// When they were taken (a video: began), in RFC 3339 with an offset.
+    #[arg(long)]
+    time: Option<Time>,
+    /// A supported dataset, a manifest or a folder with one, whose file-name rule says when.
+    #[arg(long, value_name = "NAME|FILE")]
+    manifest: Option<String>,
+    /// How places are remembered.
+    #[arg(long, value_parser = named::<Method>(Method::ALL.map(Method::name)))]
+    method: Option<Method>,
+    /// What places are ranked by.
+    #[arg(long, value_parser = named::<Score>(Score::ALL.map(Score::name)))]
+    score: Option<Score>,
+    /// How many features of each place (or experience) are matched; all, where it has fewer.
+    #[arg(long)]
+    n: Option<usize>,
+    /// An image of the size that is matched; where it is black, nothing is used.
+    #[arg(long, value_name = "FILE")]
+    mask: Option<PathBuf>,
+    /// Locate what this camera sees until Ctrl-C (with the cargo feature `opencv`).
+    #[arg(long, value_name = "N", conflicts_with_all = ["images", "time", "manifest"])]
+    camera: Option<u32>,
+    /// Learn each located image, as a new visit of its place: the map file grows by generations, which
+    /// `map rollback` can take back. Without this the map is only read.
+    #[arg(long)]
+    learn: bool,
+    /// Take the images as one way, in the order given: what was believed before moves along the map's
+    /// edges and counts too. The table [motion] of --config says how the robot moves.
+    #[arg(long)]
+    track: bool,
+    /// Whether to keep what is worked out of the map in a file beside it, MAP.*.query, so that the next
+    /// call starts at once: `auto` where that took more than a second. Answers are the same without, and
+    /// the files may be deleted at any time. --learn has none.
+    #[arg(long, value_name = "WHEN", default_value_t, value_parser = named::<QueryForm>(QueryForm::ALL.map(QueryForm::name)))]
+    query_form: QueryForm,
+    /// One JSON object for each image.
+    #[arg(long)]
+    json: bool,
+    /// Write all evidence as one JSON object for each image; with `-` to stdout, and results to stderr.
+    #[arg(long, value_name = "FILE|-")]
+    trace: Option<PathBuf>,
+    /// The picture itself goes into every Nth line of the trace; 0: into none.
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "trace")]
+    trace_images: usize,
+    #[command(flatten)]
+    config: ConfigArgs,
+}
+
+pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
+    // To learn takes the whole map; to localise, its query form will do.
+    let learnt = match &args.map {
+        Some(path) if args.learn => Some(Map::open(path)?),
+        _ => None,
+    };
+    let preset = match (&learnt, &args.map) {
+        (Some(map), _) => preset_of(&map.snapshot().meta),
+        (None, Some(path)) => preset_of(&MapMeta::read(path)?),
+        (None, None) => Preset::Default,
+    };
+    let mut config = Config::read(args.config.config.as_deref(), preset)?;
+    config.localize = args.change(config.localize)?;
+    if args.config.print_config {
+        out.line(config.to_toml()?.trim_end())?;
+        return Ok(Outcome::Good);
+    }
+    let Some(path) = &args.map else {
+        bail!("MAP is missing");
+    };
+    let needs_time = config.localize.method().needs_time();
+    let (trace, results) = args.outputs(out)?;
+    let localizer = match &learnt {
+        Some(map) => Localizer::new(map.snapshot(), config.localize)
+            .map_err(|error| error.with_path(path))?,
+        None => Localizer::open_by(path, config.localize, args.query_form)?,
+    };
+    let mut guide = Guide::new(path, localizer, args.mask.as_deref(), trace, results)?;
+    if args.track {
+        guide.track(config.motion)?;
+    }
+    guide.form = match (args.json, args.images.len()) {
+        (true, _) => Form::Json,
+        (false, 1) => Form::Sheet,
+        (false, _) => Form::Line,
+    };
+    if let Some(map) = learnt {
+        guide.student = Some(Student::new(map, config.learn, args.camera.is_some())?);
+    }
+    if args.learn || args.camera.is_some() {
+        interrupt::watch()?;
+    }
+    if let Some(camera) = args.camera {
+        guide.form = guide.form.for_many();
+        guide.follow(live::camera(camera)?)?;
+        return guide.finish();
+    }
+    let mut pictures = Pictures::new(args.time, needs_time, args.manifest.as_deref())?;
+    for path in &args.images {
+        if interrupt::is_requested() {
+            break;
+        }
+        if live::is_video(path) {
+            guide.form = guide.form.for_many();
+            match live::video(path, args.time) {
+                Ok(frames) => guide.follow(frames)?,
+                Err(error) => guide.fail(&error),
+            }
+            continue;
+        }
+        let listed = match pictures.list(path) {
+            Ok(listed) => listed,
+            Err(error) => {
+                guide.fail(&error.with_path(path));
+                continue;
+            }
+        };
+        if listed.len() > 1 {
+            guide.form = guide.form.for_many();
+        }
+        for picture in listed {
+            match pictures.load(picture) {
+                Ok(picture) => guide.answer(&picture)?,
+                Err(error) => guide.fail(&error.with_path(path)),
+            }
+        }
+    }
+    guide.finish()
+}
+
+impl LocalizeArgs {
+    fn change(&self, mut cfg: LocalizerConfig) -> Result<LocalizerConfig> {
+        if let Some(method) = self.method {
+            cfg = cfg.with_method(method);
+        }
+        if let Some(score) = self.score {
+            cfg = cfg.with_score(score);
+        }
+        if let Some(n) = self.n {
+            cfg = cfg.with_selection(Selection::top(n).map_err(|error| error.with_place("--n"))?);
+        }
+        Ok(cfg)
+    }
+
+    /// Where the trace goes, and where results go.
+    fn outputs<'o>(&self, out: &'o mut Output) -> Result<(Option<Sink>, &'o mut Output)> {
+        let Some(path) = &self.trace else {
+            return Ok((None, out));
+        };
+        let output = if path == Path::new("-") {
+            if self.json {
+                bail!(
+                    "--json and --trace - would both write to stdout (help: the trace has it all)"
+                );
+            }
+            std::mem::replace(out, Output::stderr())
+        } else {
+            Output::file(path)?
+        };
+        let path = path.clone();
+        let tracer = Tracer::new(TraceConfig::default().with_image_every(self.trace_images));
+        let sink = Sink {
+            output,
+            path,
+            tracer,
+        };
+        Ok((Some(sink), out))
+    }
+}
+
+struct Sink {
+    output: Output,
+    path: PathBuf,
+    tracer: Tracer,
+}
+
+impl Sink {
+    fn write(
+        &mut self,
+        localizer: &Localizer,
+        picture: &Picture,
+        live: &Features,
+        answer: &Localization,
+        stages: &[Stage],
+    ) -> Result<()> {
+        let shot = Shot {
+            name: &picture.name,
+            file: picture.file.as_deref(),
+            recipe: &picture.recipe,
+            picture: &picture.image,
+            time: picture.time.map(|(time, _)| time),
+            time_source: picture.time.map(|(_, source)| source.word()),
+            truth: picture.truth.as_ref(),
+            live,
+            stages,
+        };
+        let trace = self.tracer.trace(localizer, &shot, answer)?;
+        let written = self.output.json(&trace);
+        written.with_context(|| format!("{}: the trace cannot be written", self.path.display()))
+    }
+}
+
+/// How an answer is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Form {
+    Json,
+    /// One image on several lines.
+    Sheet,
+    Line,
+}
+
+impl Form {
+    fn for_many(self) -> Self {
+        match self {
+            Self::Sheet => Self::Line,
+            other => other,
+        }
+    }
+}
+
+/// Answers one picture after another.
+struct Guide<'o> {
+    localizer: Localizer,
+    extractor: Box<dyn Extractor>,
+    mask: Option<GrayImage>,
+    scratch: Scratch,
+    answer: Localization,
+    trace: Option<Sink>,
+    student: Option<Student>,
+    tracker: Option<Tracker>,
+    out: &'o mut Output,
+    form: Form,
+    outcome: Outcome,
+    is_warned: bool,
+}
+
+impl<'o> Guide<'o> {
+    fn new(
+        map: &Path,
+        localizer: Localizer,
+        mask: Option<&Path>,
+        trace: Option<Sink>,
+        out: &'o mut Output,
+    ) -> Result<Self> {
+        let extractor = ExtractorConfig::from_id(&localizer.snapshot().meta.extractor)
+            .and_then(|extractor| extractor.build())
+            .map_err(|error| error.with_path(map).with_place("extractor"))?;
+        let mask = mask.map(|mask| load_mask(mask, &LoadOptions::default()));
+        Ok(Self {
+            scratch: localizer.scratch(),
+            localizer,
+            extractor,
+            mask: mask.transpose()?,
+            answer: Localization::default(),
+            trace,
+            student: None,
+            tracker: None,
+            out,
+            form: Form::Line,
+            outcome: Outcome::Good,
+            is_warned: false,
+        })
+    }
+
+    /// From now on the pictures are one way.
+    fn track(&mut self, motion: MotionConfig) -> Result<()> {
+        let cfg = self.localizer.cfg();
+        if cfg.score() != Score::Likelihood {
+            bail!(
+                "--track needs the score `likelihood`, not `{}` (help: leave --score and --preset out)",
+                cfg.score()
+            );
+        }
+        let snapshot = self.localizer.snapshot();
+        if snapshot.edges.is_empty() {
+            eprintln!(
+                "warning: the map has no edges, so the robot may go from any place to any other"
+            );
+        }
+        self.tracker = Some(Tracker::new(snapshot, motion));
+        Ok(())
+    }
+
+    /// Says why a picture has no answer, and goes on.
+    fn fail(&mut self, error: &Error) {
+        eprintln!("error: {error}");
+        self.outcome = Outcome::Failed;
+    }
+
+    /// Answers until the frames end or Ctrl-C is pressed.
+    fn follow(&mut self, frames: Frames) -> Result<()> {
+        for frame in frames {
+            if interrupt::is_requested() {
+                break;
+            }
+            match frame {
+                Ok(picture) => self.answer(&picture)?,
+                Err(error) => {
+                    self.fail(&error);
+                    break;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn answer(&mut self, picture: &Picture) -> Result<()> {
+        let (live, stages) = match self.localize(picture) {
+            Ok(done) => done,
+            Err(error) => {
+                let error = match &picture.file {
+                    Some(file) => error.with_path(file),
+                    None => error.with_place(&picture.name),
+                };
+                self.fail(&error);
+                return Ok(());
+            }
+        };
+        let duration_ms: f64 = stages.iter().map(|stage| stage.ms).sum();
+        tracing::info!(
+            image = picture.name,
+            duration_ms,
+            features = live.len(),
+            "localised"
+        );
+        if let Some((time, _)) = picture.time
+            && !self.is_warned
+        {
+            self.is_warned = warn_of_time(self.localizer.snapshot(), time, Some(&picture.name));
+        }
+        if self.outcome == Outcome::Good && !matches!(self.answer.decision, Decision::At(_)) {
+            self.outcome = Outcome::Doubtful;
+        }
+        if let Some(sink) = &mut self.trace {
+            sink.write(&self.localizer, picture, &live, &self.answer, &stages)?;
+        }
+        let report = Report::new(&self.localizer, picture, &self.answer, live.len());
+        match self.form {
+            Form::Json => self.out.json(&report)?,
+            Form::Sheet => self.out.line(report.sheet())?,
+            Form::Line => self.out.line(report.row())?,
+        }
+        if let Err(error) = self.learn(picture, &live) {
+            eprintln!("not learnt: {}: {error}", picture.name);
+        }
+        Ok(())
+    }
+
+    /// Learns the picture, if that is wanted and it was located.
+    fn learn(&mut self, picture: &Picture, live: &Features) -> chronotope::Result<()> {
+        let (Some(student), Decision::At(id)) = (&mut self.student, self.answer.decision) else {
+            return Ok(());
+        };
+        let mask = both(picture.mask.as_ref(), self.mask.as_ref())?;
+        let place = &self.localizer.snapshot().node(id).key;
+        if let Some(newer) = student.observe(place, picture, mask.as_ref(), live)? {
+            self.localizer = self.localizer.on_newer(newer)?;
+            self.scratch = self.localizer.scratch();
+        }
+        Ok(())
+    }
+
+    /// Keeps what was learnt.
+    fn finish(mut self) -> Result<Outcome> {
+        if let Some(student) = self.student.take() {
+            student.finish()?;
+        }
+        Ok(self.outcome)
+    }
+
+    /// Extracts and localises; gives the live features, and how long each took.
+    fn localize(&mut self, picture: &Picture) -> chronotope::Result<(Features, [Stage; 2])> {
+        let start = Instant::now();
+        let mask = both(picture.mask.as_ref(), self.mask.as_ref())?;
+        let live = self.extractor.extract(&picture.image, mask.as_ref())?;
+        let extract = Stage::since("extract", start);
+        let start = Instant::now();
+        let query = Query {
+            features: &live,
+            time: picture.time.map(|(time, _)| time),
+            image_size: Some((picture.image.width() as u32, picture.image.height() as u32)),
+        };
+        (self.localizer).localize_into(&mut self.scratch, &query, &mut self.answer)?;
+        if let Some(tracker) = &mut self.tracker {
+            tracker.update(self.localizer.cfg(), &mut self.answer)?;
+        }
+        Ok((live, [extract, Stage::since("localize", start)]))
+    }
+}
+
+/// What neither mask hides.
+fn both(a: Option<&GrayImage>, b: Option<&GrayImage>) -> chronotope::Result<Option<GrayImage>> {
+    let (Some(a), Some(b)) = (a, b) else {
+        return Ok(a.or(b).cloned());
+    };
+    if (a.width(), a.height()) != (b.width(), b.height()) {
+        return Err(Error::new(
+            ErrorKind::Shape,
+            format!(
+                "a mask of {} x {} px does not fit an image of {} x {} px",
+                b.width(),
+                b.height(),
+                a.width(),
+                a.height()
+            ),
+        )
+        .with_help("make the mask for the image after crop and scale"));
+    }
+    let pixels = a.data().iter().zip(b.data());
+    let pixels = pixels.map(|(&a, &b)| a.min(b)).collect();
+    GrayImage::new(a.width(), a.height(), pixels).map(Some)
+}
+
+/// Says so if `time` lies before the map's visits or far after them; answers are given all the same.
+pub(super) fn warn_of_time(snapshot: &Snapshot, time: Time, name: Option<&str>) -> bool {
+    let summary = snapshot.summary();
+    let (Some(first), Some(last)) = (summary.first, summary.last) else {
+        return false;
+    };
+    let name = name.map_or_else(String::new, |name| format!("{name}: "));
+    let far_s = last.since_s(first).max(Period::YEAR.as_s());
+    if time < first {
+        eprintln!("warning: {name}{time} is before the map's first visit at {first}");
+    } else if time.since_s(last) > far_s {
+        let years = time.since_s(last) / Period::YEAR.as_s();
+        eprintln!(
+            "warning: {name}{time} is {years:.1} years after the map's last visit at {last}: its \
+             rhythms may have changed"
+        );
+    } else {
+        return false;
+    }
+    true
+}
+
+/// One answer, for people and scripts.
+#[derive(Serialize)]
+struct Report<'a> {
+    image: &'a str,
+    time: Option<String>,
+    time_source: Option<TimeSource>,
+    decision: &'static str,
+    /// Where it is, if that was decided.
+    place: Option<&'a PlaceKey>,
+    /// The first place, whatever was decided.
+    best: Option<Share<'a>>,
+    second: Option<Share<'a>>,
+    /// How many places share the best score.
+    tied: usize,
+    elsewhere: f64,
+    reason: String,
+    /// By how much the image is moved against the first place, if matches agree on that.
+    displacement_px: Option<[f64; 2]>,
+    displacement_spread_px: Option<[f64; 2]>,
+    num_matches: u32,
+    num_inliers: u32,
+    num_features: usize,
+    pairs_compared: u64,
+    method: &'static str,
+    /// The place that an index says it shows.
+    truth: Option<&'a PlaceKey>,
+}
+
+/// A count as it is, log odds to a tenth.
+fn rounded(score: f64) -> f64 {
+    (score * 10.0).round() / 10.0
+}
+
+#[derive(Serialize)]
+struct Share<'a> {
+    place: &'a PlaceKey,
+    score: f64,
+    posterior: f64,
+}
+
+impl<'a> Report<'a> {
+    fn new(
+        localizer: &'a Localizer,
+        picture: &'a Picture,
+        answer: &Localization,
+        num_features: usize,
+    ) -> Self {
+        let key = |id: NodeId| &localizer.snapshot().node(id).key;
+        let share = |candidate: &Candidate| Share {
+            place: key(candidate.node),
+            score: candidate.score,
+            posterior: candidate.posterior,
+        };
+        let first = answer.first();
+        let vote = first
+            .map(|first| first.displacement)
+            .filter(|vote| vote.num_inliers > 0);
+        let (decision, place) = match answer.decision {
+            Decision::At(id) => ("at", Some(key(id))),
+            Decision::Ambiguous => ("ambiguous", None),
+            Decision::Unknown => ("unknown", None),
+        };
+        Self {
+            image: &picture.name,
+            time: picture.time.map(|(time, _)| time.to_string()),
+            time_source: picture.time.map(|(_, source)| source),
+            decision,
+            place,
+            best: first.map(share),
+            second: answer.ranking.get(1).map(share),
+            tied: answer.tied,
+            elsewhere: answer.elsewhere,
+            reason: answer.reason.to_string(),
+            displacement_px: vote.map(|vote| [vote.median.dx_px, vote.median.dy_px]),
+            displacement_spread_px: vote.map(|vote| [vote.spread.dx_px, vote.spread.dy_px]),
+            num_matches: first.map_or(0, |first| first.num_matches),
+            num_inliers: first.map_or(0, |first| first.num_inliers),
+            num_features,
+            pairs_compared: answer.pairs_compared,
+            method: localizer.cfg().method().name(),
+            truth: picture.truth.as_ref(),
+        }
+    }
+
+    fn verdict(&self) -> &str {
+        self.place.map_or(self.decision, PlaceKey::as_str)
+    }
+
+    fn displacement(&self) -> String {
+        match self.displacement_px {
+            Some([dx, dy]) => format!("({dx:+.1}, {dy:+.1}) px"),
+            None => "none".into(),
+        }
+    }
+
+    fn row(&self) -> String {
+        let score = |share: &Option<Share<'_>>| match share {
+            Some(share) => format!("{} {}", share.place, rounded(share.score)),
+            None => "none".into(),
+        };
+        format!(
+            "{}  {}  first {}  second {}  moved {}  {}",
+            self.image,
+            self.verdict(),
+            score(&self.best),
+            score(&self.second),
+            self.displacement(),
+            self.reason
+        )
+    }
+
+    fn sheet(&self) -> String {
+        let share = |share: &Option<Share<'_>>| match share {
+            Some(share) => format!(
+                "{}, score {}, posterior {:.3}",
+                share.place,
+                rounded(share.score),
+                share.posterior
+            ),
+            None => "none".into(),
+        };
+        let time = match (&self.time, self.time_source) {
+            (Some(time), Some(source)) => format!("{time} ({})", source.name()),
+            _ => "none".into(),
+        };
+        let spread = match self.displacement_spread_px {
+            Some([dx, dy]) => format!(", spread ({dx:.1}, {dy:.1}) px"),
+            None => String::new(),
+        };
+        format!(
+            "image         {}\n\
+             time          {time}\n\
+             decision      {}\n\
+             reason        {}\n\
+             first         {}\n\
+             second        {}\n\
+             matches       {} of {} features, {} agree on the displacement\n\
+             displacement  {}{spread}",
+            self.image,
+            self.verdict(),
+            self.reason,
+            share(&self.best),
+            share(&self.second),
+            self.num_matches,
+            self.num_features,
+            self.num_inliers,
+            self.displacement(),
+        )
+    }
+}

@@ -1,0 +1,252 @@
+//! How do I ask?
+//!
+//! The command `chronotope`. Results go to stdout (JSON Lines with
+//! `--json`), talk, warnings and progress to stderr. Exit codes: 0 located or done, 1 unknown,
+//! ambiguous or problems found, 2 an error, 130 interrupted. Nothing here computes: each command reads
+//! its arguments, calls the rooms below and shows what they say.
+
+mod build;
+mod calibrate;
+mod check;
+mod config;
+mod edge;
+mod exchange;
+mod generations;
+mod held;
+mod inspect;
+mod interrupt;
+mod live;
+mod localize;
+mod merge;
+mod new_map;
+mod output;
+mod pictures;
+mod predict;
+mod progress;
+mod series;
+mod spectrum;
+mod spectrum_svg;
+mod student;
+
+use std::io::IsTerminal;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Result;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{ArgAction, Args, Parser, Subcommand};
+
+use chronotope::localize::Preset;
+use chronotope::simd::Kernel;
+use output::Output;
+
+/// Visual topological localisation that knows what each place looks like at a given time.
+#[derive(Debug, Parser)]
+#[command(
+    name = "chronotope",
+    version,
+    after_help = "\
+Exit codes: 0 located or done; 1 unknown, ambiguous or problems found; 2 an error; 130 interrupted.
+
+Examples:
+  chronotope dataset check photos/
+  chronotope map build --data photos/ --out street.map
+  chronotope localize street.map now.jpg --time 2024-05-01T08:30:00Z
+  chronotope predict street.map --time 2024-05-01T08:30:00Z --node door
+  chronotope spectrum door.csv"
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    /// Tell more on stderr; twice for details.
+    #[arg(short, long, global = true, action = ArgAction::Count)]
+    verbose: u8,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Build maps, look into them, keep them.
+    #[command(subcommand)]
+    Map(MapCommand),
+    Localize(localize::LocalizeArgs),
+    Predict(predict::PredictArgs),
+    Spectrum(spectrum::SpectrumArgs),
+    /// Look into folders of images.
+    #[command(subcommand)]
+    Dataset(DatasetCommand),
+}
+
+#[derive(Debug, Subcommand)]
+#[command(after_help = "\
+Examples:
+  chronotope map build --data photos/ --out street.map
+  chronotope map update street.map --data june/
+  chronotope map inspect street.map
+  chronotope map verify street.map
+  chronotope map log street.map
+  chronotope map held street.map
+  chronotope map merge street.map park.map --out town.map")]
+enum MapCommand {
+    Build(build::BuildArgs),
+    Update(build::UpdateArgs),
+    Inspect(inspect::InspectArgs),
+    Verify(inspect::VerifyArgs),
+    Calibrate(calibrate::CalibrateArgs),
+    Merge(merge::MergeArgs),
+    Export(exchange::ExportArgs),
+    Import(exchange::ImportArgs),
+    Log(generations::LogArgs),
+    Rollback(generations::RollbackArgs),
+    Prune(generations::PruneArgs),
+    Edge(edge::EdgeArgs),
+    Held(held::HeldArgs),
+    Accept(held::AcceptArgs),
+    Drop(held::DropArgs),
+    Forget(held::ForgetArgs),
+}
+
+#[derive(Debug, Subcommand)]
+#[command(after_help = "\
+Example:
+  chronotope dataset check photos/")]
+enum DatasetCommand {
+    Check(check::CheckArgs),
+}
+
+/// Where numbers come from.
+#[derive(Debug, Args)]
+struct ConfigArgs {
+    /// TOML with the tables [learn] and [localize]; a key that is given replaces the preset's, a table
+    /// in it as a whole.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Print the configuration in effect as TOML and do nothing else; it can be given to --config.
+    #[arg(long)]
+    print_config: bool,
+}
+
+/// How a command ended that did not fail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outcome {
+    /// Located, or done.
+    Good,
+    /// Unknown or ambiguous, or problems were found.
+    Doubtful,
+    /// An error was told already; what could be done was.
+    Failed,
+    /// Asked to stop.
+    Interrupted,
+}
+
+impl From<Outcome> for ExitCode {
+    fn from(outcome: Outcome) -> Self {
+        match outcome {
+            Outcome::Good => Self::SUCCESS,
+            Outcome::Doubtful => Self::from(1),
+            Outcome::Failed => Self::from(2),
+            Outcome::Interrupted => Self::from(interrupt::EXIT_CODE),
+        }
+    }
+}
+
+/// Runs the command that the process's arguments ask for; usage errors and `--help` end the process.
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    log_to_stderr(cli.verbose);
+    match cli.run() {
+        Ok(outcome) => outcome.into(),
+        // The reader has seen enough (`| head`).
+        Err(error) if output::is_closed_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            Outcome::Failed.into()
+        }
+    }
+}
+
+impl Cli {
+    fn run(self) -> Result<Outcome> {
+        let kernel = Kernel::from_env()?;
+        tracing::debug!(kernel = kernel.name(), "matching");
+        let mut out = Output::stdout();
+        match self.command {
+            Command::Map(MapCommand::Build(args)) => build::run(&args, &mut out),
+            Command::Map(MapCommand::Update(args)) => build::update(&args, &mut out),
+            Command::Map(MapCommand::Inspect(args)) => inspect::inspect(&args, &mut out),
+            Command::Map(MapCommand::Verify(args)) => inspect::verify(&args, &mut out),
+            Command::Map(MapCommand::Calibrate(args)) => calibrate::run(&args, &mut out),
+            Command::Map(MapCommand::Merge(args)) => merge::run(&args, &mut out),
+            Command::Map(MapCommand::Export(args)) => exchange::export(&args, &mut out),
+            Command::Map(MapCommand::Import(args)) => exchange::import(&args, &mut out),
+            Command::Map(MapCommand::Log(args)) => generations::log(&args, &mut out),
+            Command::Map(MapCommand::Rollback(args)) => generations::rollback(&args, &mut out),
+            Command::Map(MapCommand::Prune(args)) => generations::prune(&args, &mut out),
+            Command::Map(MapCommand::Edge(args)) => edge::run(&args, &mut out),
+            Command::Map(MapCommand::Held(args)) => held::held(&args, &mut out),
+            Command::Map(MapCommand::Accept(args)) => held::accept(&args, &mut out),
+            Command::Map(MapCommand::Drop(args)) => held::drop_held(&args, &mut out),
+            Command::Map(MapCommand::Forget(args)) => held::forget(&args, &mut out),
+            Command::Localize(args) => localize::run(&args, &mut out),
+            Command::Predict(args) => predict::run(&args, &mut out),
+            Command::Spectrum(args) => spectrum::run(&args, &mut out),
+            Command::Dataset(DatasetCommand::Check(args)) => check::run(&args, &mut out),
+        }
+    }
+}
+
+/// Reads one of `names`, which are listed where another one is given.
+fn named<T>(names: impl IntoIterator<Item = &'static str>) -> impl TypedValueParser<Value = T>
+where
+    T: std::str::FromStr<Err = chronotope::Error> + Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(names).try_map(|name| name.parse::<T>())
+}
+
+/// The preset that a map says it was built with; the preset `default` where this program does not
+/// know it.
+fn preset_of(meta: &chronotope::map::MapMeta) -> Preset {
+    meta.preset.parse().unwrap_or(Preset::Default)
+}
+
+fn log_to_stderr(verbosity: u8) {
+    let level = match verbosity {
+        0 => "warn",
+        1 => "info",
+        _ => "debug",
+    };
+    // Only a second subscriber in this process could make it fail.
+    let _ = tracing_subscriber::fmt()
+        .with_env_filter(tracing_subscriber::EnvFilter::new(level))
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_writer(std::io::stderr)
+        .without_time()
+        .with_target(false)
+        .try_init();
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn arguments_are_declared_without_contradiction() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn every_command_shows_an_example() {
+        fn visit(command: &clap::Command) {
+            let help = command.get_after_help().map(ToString::to_string);
+            assert!(
+                help.is_some_and(|help| help.contains("chronotope ")),
+                "{} has no example",
+                command.get_name()
+            );
+            command.get_subcommands().for_each(visit);
+        }
+        let command = Cli::command();
+        visit(&command);
+    }
+}

@@ -1,0 +1,78 @@
+//! How do maps of several robots or days become one?
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::Result;
+use clap::Args;
+
+use super::config::Config;
+use super::output::Output;
+use super::{Outcome, new_map, preset_of};
+use chronotope::learn;
+use chronotope::map::{Map, Snapshot};
+
+/// Merge maps of the same places into a new one.
+///
+/// Visits that several maps share are one visit. The order of the maps does not matter, and merging
+/// what was merged already changes nothing. Maps of other images (extractor, size, crop), or that
+/// disagree on where a place is, are refused and the conflicts named.
+///
+/// Every feature keeps the history that its own map gave it: two robots' features of one thing stay
+/// two. With --relearn all visits are learnt again instead, as if one robot had made them; that needs maps
+/// built with --keep-appearances all (or with preset `lttl`).
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  chronotope map merge monday.map tuesday.map --out week.map
+  chronotope map merge a.map b.map c.map --out fleet.map --relearn")]
+pub(super) struct MergeArgs {
+    /// The map files.
+    #[arg(required = true, num_args = 2.., value_name = "MAP")]
+    maps: Vec<PathBuf>,
+    /// The file to write; one that exists is never overwritten.
+    #[arg(long, value_name = "MAP")]
+    out: PathBuf,
+    /// Learn all visits again, in order of time.
+    #[arg(long)]
+    relearn: bool,
+    /// TOML with the table [learn], for --relearn; a key replaces that of the maps' preset.
+    #[arg(long, value_name = "FILE", requires = "relearn")]
+    config: Option<PathBuf>,
+}
+
+pub(super) fn run(args: &MergeArgs, out: &mut Output) -> Result<Outcome> {
+    new_map::refuse_existing(&args.out)?;
+    let maps = (args.maps.iter())
+        .map(|path| Ok(Map::open_read_only(path)?.snapshot()))
+        .collect::<Result<Vec<Arc<Snapshot>>>>()?;
+    let mut num_visits = 0;
+    for (path, map) in args.maps.iter().zip(&maps) {
+        num_visits += map.summary().num_visits;
+        let others = (map.attachments.keys())
+            .filter(|name| !["held", "reobservation"].contains(&name.as_str()));
+        for name in others {
+            eprintln!(
+                "note: the attachment `{name}` of {} describes that map alone and is left out",
+                path.display()
+            );
+        }
+    }
+    let maps: Vec<&Snapshot> = maps.iter().map(|map| &**map).collect();
+    let mut merged = learn::merge(&maps)?;
+    if args.relearn {
+        let config = Config::read(args.config.as_deref(), preset_of(&merged.meta))?;
+        merged = learn::relearn(config.learn, &merged)?;
+    }
+    new_map::write(&args.out, &merged)?;
+    let summary = merged.summary();
+    out.line(format_args!(
+        "{}: {} places, {} visits ({} were in more than one map), {} features",
+        args.out.display(),
+        summary.num_places,
+        summary.num_visits,
+        num_visits - summary.num_visits,
+        summary.num_features
+    ))?;
+    Ok(Outcome::Good)
+}

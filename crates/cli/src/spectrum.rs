@@ -1,0 +1,360 @@
+//! Which rhythms does a series of 0 and 1 have, and how well do they foretell it?
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::Outcome;
+use super::output::Output;
+use super::series::{Columns, Series, time_of};
+use super::spectrum_svg::{Picture, times};
+use chronotope::error::{Error, ErrorKind};
+use chronotope::spectrum::{CandidatePeriods, Component, SpectralSums};
+use chronotope::time::{Period, Time};
+use chronotope::visibility::{VisibilityConfig, Visits, fit};
+
+/// Fewer samples than this are not split: every order would be chosen by chance.
+const MIN_SAMPLES: usize = 16;
+
+/// Find the rhythms of any 0/1 series over time: a door, a person in a room, a passable edge.
+///
+/// Learns from the earlier samples, judges every model on the latest ones, then learns the chosen ones
+/// again from all. `natural` is the model to use; `fremen` is the papers', with the order that foretold the
+/// latest samples best.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Rows are TIME,STATE: time in RFC 3339 with an offset or in seconds since 1970, state 0 or 1 (empty: missing).
+A header and further columns may be there.
+
+Examples:
+  chronotope spectrum door.csv
+  chronotope spectrum door.csv --predict-at 2024-05-06T08:30:00Z --predict-at 2024-05-06T20:00:00Z
+  chronotope spectrum door.csv --svg door.svg
+  chronotope spectrum edges.csv --state-column success --base-s 86400 --count 24 --json")]
+pub(super) struct SpectrumArgs {
+    /// The CSV file.
+    file: PathBuf,
+    /// The name of the column of times; the first column otherwise.
+    #[arg(long, value_name = "NAME")]
+    time_column: Option<String>,
+    /// The name of the column of states; the second column otherwise.
+    #[arg(long, value_name = "NAME")]
+    state_column: Option<String>,
+    /// The share of samples, the latest, that models are judged by.
+    #[arg(
+        long,
+        value_name = "SHARE",
+        default_value_t = 0.25,
+        allow_negative_numbers = true
+    )]
+    held_out: f64,
+    /// The longest period that `fremen` looks for, in seconds; a week by default.
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    base_s: Option<f64>,
+    /// Fractions of it that `fremen` looks for, from 1 to this.
+    #[arg(long, default_value_t = 168)]
+    count: usize,
+    /// The highest order of `fremen` that is tried.
+    #[arg(long, default_value_t = 5)]
+    max_order: usize,
+    /// Also tell p at this time (may be given again).
+    #[arg(long, value_name = "TIME", value_parser = time_of, allow_negative_numbers = true)]
+    predict_at: Vec<Time>,
+    /// Also draw p(t) over the data, and the spectrum over that of the sampling, into this file.
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+    /// One JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+/// A model's errors on the samples that it did not learn from.
+struct Judged {
+    model: &'static str,
+    order: usize,
+    brier: f64,
+    wrong: f64,
+    is_chosen: bool,
+}
+
+/// A model learnt from all samples.
+struct Learnt {
+    model: &'static str,
+    mean: f64,
+    components: Vec<Component>,
+    predicted: Vec<f64>,
+}
+
+pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
+    if !(0.0..=0.9).contains(&args.held_out) {
+        return Err(Error::new(
+            ErrorKind::Config,
+            format!("--held-out must be 0 to 0.9, not {}", args.held_out),
+        )
+        .into());
+    }
+    let columns = Columns {
+        time: args.time_column.as_deref(),
+        state: args.state_column.as_deref(),
+    };
+    let series = Series::read(&args.file, columns)?;
+    let base = args.base_s.map_or(Ok(Period::WEEK), Period::from_s)?;
+    let candidates = CandidatePeriods::harmonic(base, args.count)?;
+    let num_asked = match series.states.len() {
+        0..MIN_SAMPLES => 0,
+        count => (count as f64 * args.held_out).round() as usize,
+    };
+    let (earlier, latest) = series.states.split_at(series.states.len() - num_asked);
+    let judged = judge(earlier, latest, &candidates, args.max_order)?;
+    let order = (judged.iter())
+        .find(|row| row.model == "fremen" && row.is_chosen)
+        .map_or(0, |row| row.order);
+    let drawn = match args.svg {
+        Some(_) => times(&series.states),
+        None => Vec::new(),
+    };
+    let asked = [&args.predict_at[..], &drawn].concat();
+    let mut learnt = learn(&series.states, &candidates, order, &asked)?;
+    let curves: Vec<_> = (learnt.iter_mut())
+        .map(|model| {
+            (
+                model.model,
+                model.predicted.split_off(args.predict_at.len()),
+            )
+        })
+        .collect();
+    if let Some(path) = &args.svg {
+        let picture = Picture {
+            title: args.file.display().to_string(),
+            states: &series.states,
+            times: &drawn,
+            curves: curves.iter().map(|(name, p)| (*name, &p[..])).collect(),
+            candidates: &candidates,
+        };
+        std::fs::write(path, picture.svg()).map_err(|cause| Error::io(path, &cause))?;
+    }
+    if args.json {
+        out.json(&as_json(args, &series, latest.len(), &judged, &learnt))?;
+    } else {
+        show(args, &series, latest.len(), &judged, &learnt, out)?;
+    }
+    Ok(Outcome::Good)
+}
+
+fn sums(
+    states: &[(Time, bool)],
+    candidates: &CandidatePeriods,
+) -> chronotope::Result<SpectralSums> {
+    let mut sums = SpectralSums::new(candidates.clone());
+    for &(time, state) in states {
+        sums.add(time, state)?;
+    }
+    Ok(sums)
+}
+
+fn judge(
+    earlier: &[(Time, bool)],
+    latest: &[(Time, bool)],
+    candidates: &CandidatePeriods,
+    max_order: usize,
+) -> chronotope::Result<Vec<Judged>> {
+    if latest.is_empty() {
+        return Ok(Vec::new());
+    }
+    let judged = |model, order, p: &dyn Fn(Time) -> f64| {
+        let (mut squares, mut wrong) = (0.0, 0.0);
+        for &(time, state) in latest {
+            let p = p(time);
+            squares += (p - f64::from(u8::from(state))).powi(2);
+            wrong += f64::from(u8::from((p >= 0.5) != state));
+        }
+        let count = latest.len() as f64;
+        Judged {
+            model,
+            order,
+            brier: squares / count,
+            wrong: wrong / count,
+            is_chosen: false,
+        }
+    };
+    let natural = fit(
+        &Series::log(earlier)?,
+        &VisibilityConfig::natural(),
+        Visits::All,
+    )?;
+    let mut rows = vec![judged("natural", natural.order(), &|time| {
+        natural.predict_one(0, time)
+    })];
+    rows[0].is_chosen = true;
+    let sums = sums(earlier, candidates)?;
+    let mut best = 1;
+    for order in 0..=max_order {
+        let rhythms = sums.rhythms(order);
+        if rhythms.order() < order {
+            break; // There are no more.
+        }
+        rows.push(judged("fremen", order, &|time| rhythms.p(time)));
+        // The lower order of equals.
+        if rows[order + 1].brier < rows[best].brier {
+            best = order + 1;
+        }
+    }
+    rows[best].is_chosen = true;
+    Ok(rows)
+}
+
+fn learn(
+    states: &[(Time, bool)],
+    candidates: &CandidatePeriods,
+    order: usize,
+    times: &[Time],
+) -> chronotope::Result<Vec<Learnt>> {
+    let natural = fit(
+        &Series::log(states)?,
+        &VisibilityConfig::natural(),
+        Visits::All,
+    )?;
+    let rhythms = sums(states, candidates)?.rhythms(order);
+    let seen = states.iter().filter(|state| state.1).count();
+    Ok(vec![
+        Learnt {
+            model: "natural",
+            mean: natural
+                .level(0)
+                .unwrap_or(seen as f64 / states.len() as f64),
+            components: natural.components(0),
+            predicted: times.iter().map(|&t| natural.predict_one(0, t)).collect(),
+        },
+        Learnt {
+            model: "fremen",
+            mean: rhythms.mean(),
+            components: rhythms.components().collect(),
+            predicted: times.iter().map(|&time| rhythms.p(time)).collect(),
+        },
+    ])
+}
+
+/// When the rhythm is first at its highest, not before `from`.
+fn first_peak(component: &Component, from: Time) -> Time {
+    let cycle_us = component.period_s * 1e6;
+    let peak_us = -component.phase_rad / std::f64::consts::TAU * cycle_us;
+    let since = (peak_us - from.as_us() as f64).rem_euclid(cycle_us);
+    from.plus_us(since as i64)
+}
+
+fn as_json(
+    args: &SpectrumArgs,
+    series: &Series,
+    num_asked: usize,
+    judged: &[Judged],
+    learnt: &[Learnt],
+) -> Value {
+    let first = series.states[0].0;
+    let models = judged.iter().map(|row| {
+        json!({
+            "model": row.model,
+            "order": row.order,
+            "brier": row.brier,
+            "wrong": row.wrong,
+            "chosen": row.is_chosen,
+        })
+    });
+    let learnt = learnt.iter().map(|model| {
+        let components = model.components.iter().map(|component| {
+            json!({
+                "period_s": component.period_s,
+                "amplitude": component.amplitude,
+                "phase_rad": component.phase_rad,
+                "first_peak": first_peak(component, first).to_string(),
+            })
+        });
+        let predicted = args.predict_at.iter().zip(&model.predicted);
+        let predicted = predicted.map(|(time, p)| json!({"time": time.to_string(), "p": p}));
+        json!({
+            "model": model.model,
+            "mean": model.mean,
+            "components": components.collect::<Vec<_>>(),
+            "predicted": predicted.collect::<Vec<_>>(),
+        })
+    });
+    json!({
+        "file": args.file,
+        "num_samples": series.states.len(),
+        "num_missing": series.num_missing,
+        "num_held_out": num_asked,
+        "first": first.to_string(),
+        "span_s": series.span_s(),
+        "held_out": models.collect::<Vec<_>>(),
+        "learnt": learnt.collect::<Vec<_>>(),
+    })
+}
+
+fn show(
+    args: &SpectrumArgs,
+    series: &Series,
+    num_asked: usize,
+    judged: &[Judged],
+    learnt: &[Learnt],
+    out: &mut Output,
+) -> Result<()> {
+    let count = series.states.len();
+    let first = series.states[0].0;
+    let seen = series.states.iter().filter(|state| state.1).count();
+    let span = Period::from_s(series.span_s()).map_or_else(|_| "no time".into(), |s| s.to_string());
+    out.line(format_args!(
+        "{}: {count} samples over {span} from {first}, {} missing; 1 in {:.1} % of them",
+        args.file.display(),
+        series.num_missing,
+        100.0 * seen as f64 / count as f64
+    ))?;
+    if judged.is_empty() {
+        out.line("no sample is held out: orders are not compared, and fremen is the mean")?;
+    } else {
+        out.line(format_args!(
+            "\non the latest {num_asked} samples, learnt from the {} before\nmodel     order  wrong %   Brier",
+            count - num_asked
+        ))?;
+        for row in judged {
+            out.line(format_args!(
+                "{:<9} {:>5}  {:>7.1}  {:>6.4}{}",
+                row.model,
+                row.order,
+                100.0 * row.wrong,
+                row.brier,
+                if row.is_chosen { "  *" } else { "" }
+            ))?;
+        }
+        out.line("* natural chooses by itself; of fremen the order with the lowest Brier score")?;
+    }
+    for model in learnt {
+        out.line(format_args!(
+            "\n{}, learnt from all: mean {:.3}",
+            model.model, model.mean
+        ))?;
+        if model.components.is_empty() {
+            out.line("  no rhythm")?;
+        } else {
+            out.line("      period  amplitude  phase rad  first at its highest")?;
+        }
+        for component in &model.components {
+            let period = Period::from_s(component.period_s)
+                .map_or_else(|_| format!("{} s", component.period_s), |p| p.to_string());
+            out.line(format_args!(
+                "{period:>12}  {:>9.3}  {:>9.3}  {}",
+                component.amplitude,
+                component.phase_rad,
+                to_the_second(first_peak(component, first))
+            ))?;
+        }
+        for (time, p) in args.predict_at.iter().zip(&model.predicted) {
+            out.line(format_args!("  p({time}) = {p:.3}"))?;
+        }
+    }
+    Ok(())
+}
+
+fn to_the_second(time: Time) -> Time {
+    Time::from_s(time.as_us().div_euclid(1_000_000))
+}

@@ -1,0 +1,132 @@
+//! How is a model of a place learnt from its log?
+
+use super::config::{HeldOut, ModelConfig, VisibilityConfig};
+use super::evidence::Evidence;
+use super::natural::Natural;
+use super::shared_rhythms::SharedRhythms;
+use super::{BitRow, HistoryLog, VisibilityModel};
+use super::{fremen, histogram, logistic, markov, mean, pergam, persistent};
+use crate::error::{Error, ErrorKind, Result};
+use crate::spectrum::CandidatePeriods;
+
+/// The visits that a model is fitted from.
+#[derive(Clone, Copy, Debug)]
+pub enum Visits<'a> {
+    /// Every visit of the log.
+    All,
+    /// The visits whose bit is one; one bit a visit.
+    Only(&'a BitRow),
+}
+
+impl Visits<'_> {
+    /// Indices of the visits in order of arrival.
+    /// Fails if a mask has not one bit a visit.
+    pub fn of(self, log: &HistoryLog) -> Result<Vec<usize>> {
+        match self {
+            Self::All => Ok((0..log.num_visits()).collect()),
+            Self::Only(mask) if mask.len() == log.num_visits() => Ok(mask.ones().collect()),
+            Self::Only(mask) => Err(Error::new(
+                ErrorKind::Shape,
+                format!(
+                    "{} bits do not select among {} visits",
+                    mask.len(),
+                    log.num_visits()
+                ),
+            )),
+        }
+    }
+}
+
+/// Fits the model that `cfg` names to `visits` of a place's `log`.
+///
+/// The same, bit for bit, as fitting a log that has no other visits. Fails only if the selection does
+/// not have one bit a visit, or has more visits than
+/// [`MAX_OBSERVATIONS`](crate::spectrum::MAX_OBSERVATIONS).
+pub fn fit(
+    log: &HistoryLog,
+    cfg: &VisibilityConfig,
+    visits: Visits<'_>,
+) -> Result<Box<dyn VisibilityModel>> {
+    let evidence = Evidence {
+        log,
+        visits: visits.of(log)?,
+        before_birth: cfg.before_birth(),
+    };
+    fit_model(&evidence, cfg, cfg.model())
+}
+
+fn fit_model(
+    evidence: &Evidence<'_>,
+    cfg: &VisibilityConfig,
+    model: &ModelConfig,
+) -> Result<Box<dyn VisibilityModel>> {
+    Ok(match model {
+        ModelConfig::Mean {} => Box::new(mean::fit(evidence)),
+        ModelConfig::Fremen {
+            candidates,
+            order,
+            balance,
+        } => Box::new(fremen::fit(
+            evidence,
+            candidates,
+            *order,
+            *balance,
+            cfg.guards(),
+        )?),
+        ModelConfig::Natural { ridge } => Box::new(
+            Natural {
+                ridge: *ridge,
+                guards: cfg.guards(),
+            }
+            .fit(evidence)?,
+        ),
+        ModelConfig::LeastSquares {
+            candidates,
+            order,
+            harmonics,
+            ridge,
+        } => {
+            let mut shared = shared(cfg, candidates, *order, harmonics.as_deref());
+            shared.ridge = *ridge;
+            let harmonics = shared.choose(evidence)?;
+            Box::new(shared.regress(evidence, &harmonics)?)
+        }
+        ModelConfig::Logistic {
+            candidates,
+            order,
+            harmonics,
+        } => {
+            let shared = shared(cfg, candidates, *order, harmonics.as_deref());
+            Box::new(logistic::fit(evidence, &shared)?)
+        }
+        ModelConfig::Histogram {
+            period,
+            num_bins,
+            prior,
+        } => Box::new(histogram::fit(evidence, *period, *num_bins, *prior)),
+        ModelConfig::Pergam {
+            period,
+            num_bins,
+            order,
+        } => Box::new(pergam::fit(evidence, *period, *num_bins, *order)),
+        ModelConfig::Markov {} => Box::new(markov::fit(evidence)),
+        ModelConfig::Persistent { of } => {
+            Box::new(persistent::fit(evidence, fit_model(evidence, cfg, of)?))
+        }
+    })
+}
+
+fn shared<'a>(
+    cfg: &VisibilityConfig,
+    candidates: &'a CandidatePeriods,
+    held_out: HeldOut,
+    harmonics: Option<&'a [u16]>,
+) -> SharedRhythms<'a> {
+    SharedRhythms {
+        candidates,
+        harmonics,
+        held_out,
+        ridge: 0.1,
+        guards: cfg.guards(),
+    }
+}

@@ -1,0 +1,53 @@
+//! How often was it seen?
+//!
+//! `p(t) = seen / observed`, the long-term memory of RAS 4.3.1 and FreMEn of order 0.
+
+use super::VisibilityModel;
+use super::evidence::Evidence;
+use crate::time::Time;
+
+/// The long-term mean; 8 bytes a feature, O(1) a prediction.
+///
+/// Not for places whose look follows the clock: it predicts the same map at noon and at midnight.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mean {
+    p: Vec<f64>,
+}
+
+impl Mean {
+    /// From what [`probabilities`](Self::probabilities) gave; `None` if one is none.
+    pub fn from_probabilities(p: Vec<f64>) -> Option<Self> {
+        let fits = p.iter().all(|p| (0.0..=1.0).contains(p));
+        fits.then_some(Self { p })
+    }
+
+    /// p of each feature.
+    pub fn probabilities(&self) -> &[f64] {
+        &self.p
+    }
+}
+
+/// O(features + one bits).
+pub(super) fn fit(evidence: &Evidence<'_>) -> Mean {
+    Mean {
+        p: evidence.counts().means(),
+    }
+}
+
+impl VisibilityModel for Mean {
+    fn num_features(&self) -> usize {
+        self.p.len()
+    }
+
+    fn predict_into(&self, _: Time, out: &mut [f64]) {
+        out.copy_from_slice(&self.p);
+    }
+
+    fn predict_one(&self, feature: usize, _: Time) -> f64 {
+        self.p[feature]
+    }
+
+    fn as_mean(&self) -> Option<&Mean> {
+        Some(self)
+    }
+}

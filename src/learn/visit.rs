@@ -1,0 +1,66 @@
+//! What is one visit: an image of a known place, and what it says of the features there?
+
+use crate::feature::{Features, GrayImage};
+use crate::map::{Doubt, PlaceKey, SessionId};
+use crate::matching::{Displacement, Match, MatchScratch, VoteScratch};
+use fremen::time::Time;
+use fremen::visibility::BitRow;
+
+/// One image of a known place.
+#[derive(Clone, Debug)]
+pub struct Observation<'a> {
+    /// Where it was taken.
+    pub place: PlaceKey,
+    /// The run it belongs to.
+    pub session: SessionId,
+    /// When it was taken.
+    pub time: Time,
+    /// Its features, strongest first.
+    pub features: &'a Features,
+    /// Width and height of the image, px.
+    pub image_size: (u32, u32),
+    /// Zero where nothing could be observed; of the image's size.
+    pub mask: Option<&'a GrayImage>,
+    /// Where the image came from, for people.
+    pub source: String,
+}
+
+/// What a visit changed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Learnt {
+    /// Features of the place that were seen again.
+    pub num_seen: usize,
+    /// Features that were born.
+    pub num_born: usize,
+    /// Whether its appearance became an experience.
+    pub experience: bool,
+    /// Why it was held instead; nothing else changed then.
+    pub doubt: Option<Doubt>,
+    /// Features and visits that were forgotten to keep to the budget: the map does not extend its past
+    /// then, and is stored by [`Map::replace`](crate::map::Map::replace).
+    pub num_forgotten: usize,
+}
+
+/// What one image says about the features of its place.
+pub(super) struct Found {
+    /// Live features that the place did not have, in its frame.
+    pub(super) born: Features,
+    /// One bit for each feature known before, then one for each born now.
+    pub(super) seen: BitRow,
+    /// As long, where something could not be observed.
+    pub(super) hidden: Option<BitRow>,
+    /// How the camera moved against the place's frame, where that was recognised.
+    pub(super) displacement: Option<Displacement>,
+    /// Of each feature that was seen again: the distance between its descriptor and the live one, bits.
+    pub(super) distances: Vec<u16>,
+}
+
+/// Memory to work in.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    pub(super) matching: MatchScratch,
+    pub(super) matches: Vec<Match>,
+    pub(super) displacements: Vec<Displacement>,
+    pub(super) vote: VoteScratch,
+    pub(super) p: Vec<f64>,
+}

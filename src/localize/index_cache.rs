@@ -1,0 +1,762 @@
+//! How does a robot open a large map in a second?
+//!
+//! [`Localizer::open`] keeps what [`Localizer::new`] works out in a file beside the map, the *query form*, and
+//! reads that the next time: all places with their features and logs, the fitted models, the calibration,
+//! and the words that candidates are found by. What is left is to check it and to lay it out.
+//!
+//! The query form is a cache and never the truth. Its name and its head tell which generation of which map,
+//! which configuration and which version of this crate it was made of ([`Fingerprint`]); one that does not
+//! fit, or that is truncated or damaged, is made anew. Where the folder may not be written, the map opens as
+//! slowly as without. Answers are the same, bit for bit.
+//!
+//! # Format
+//! Little-endian. A head of 64 bytes: magic, version (u32), CRC-32 of the other bytes of the head (u32), the
+//! fingerprint (32 bytes), where the contents begin (u64), their CRC-32 (u32), zero (u32). Then blocks of up
+//! to 64 places, each with a CRC-32 of its own so that threads read them side by side, then the contents:
+//! JSON of what holds for the whole map and of where each block lies. For each feature 32 bytes of
+//! descriptor, 16 of keypoint, and `8 + 18 l` of a model of order l (the mean: 8); a bit for each of its
+//! visits. Kept appearances, 48 bytes a feature, are there only for a method that matches them; which of them
+//! it matches at what time is worked out again.
+//!
+//! A map with a model that is neither [`Fremen`] nor [`Mean`] has no query form.
+
+use std::fmt;
+use std::fs::File;
+use std::io::{self, BufWriter, Seek, Write};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD as BASE64;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::candidates::Finder;
+use super::forecast::Forecasts;
+use super::{Calibration, Localizer, LocalizerConfig, Plan, calibration};
+use crate::feature::{Descriptor, Features, Keypoint, Rect};
+use crate::map::{
+    AppearanceUse, Edge, Map, MapMeta, MappedFile, Node, PlaceKey, SessionId, Snapshot, Stamp,
+    Visit, VisitId,
+};
+use crate::matching::{BinaryWords, Matcher};
+use crate::predict::Witnesses;
+use fremen::error::{Error, ErrorKind, Result};
+use fremen::spectrum::CandidatePeriods;
+use fremen::time::Time;
+use fremen::visibility::{BitRow, Fremen, Mean, VisibilityModel, Visits};
+
+const MAGIC: [u8; 8] = *b"CHRQUERY";
+/// Grows when bytes or what they lead to change their meaning.
+const VERSION: u32 = 2;
+const HEAD_BYTES: usize = 64;
+/// Places that a thread reads at a time.
+const PLACES_PER_BLOCK: usize = 64;
+/// Blocks that wait in memory to be written.
+const BLOCKS_PER_WAVE: usize = 16;
+/// In place of a set of rhythms, where a model is the mean.
+const NO_RHYTHMS: u32 = u32::MAX;
+/// A map that takes longer to open has a query form by [`QueryForm::Auto`]: measured were 0.4 s for 5 places
+/// with 60 visits, for which no file should appear, and 8 s (0.4 s by the query form) for 6 with 4,644.
+const SLOW: Duration = Duration::from_secs(1);
+
+/// Query forms that this process has begun to write, so that no two threads write to one file.
+static NUM_PARTS: AtomicU32 = AtomicU32::new(0);
+
+/// Whether a query form is kept beside a map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum QueryForm {
+    /// None is read or written.
+    Never,
+    /// One that is there is read; one is written where the map took more than a second to open without.
+    #[default]
+    Auto,
+    /// One that is there is read, else one is written.
+    Always,
+}
+
+impl QueryForm {
+    /// Every choice.
+    pub const ALL: [Self; 3] = [Self::Never, Self::Auto, Self::Always];
+
+    /// The name used in commands.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Never => "never",
+            Self::Auto => "auto",
+            Self::Always => "always",
+        }
+    }
+
+    /// Whether one is written of a map that took so long to open.
+    fn is_worth_writing(self, opening: Duration) -> bool {
+        match self {
+            Self::Never => false,
+            Self::Auto => opening > SLOW,
+            Self::Always => true,
+        }
+    }
+}
+
+impl FromStr for QueryForm {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<Self> {
+        let found = Self::ALL.into_iter().find(|form| form.name() == name);
+        found.ok_or_else(|| {
+            let names = Self::ALL.map(Self::name).join(", ");
+            Error::new(ErrorKind::Config, format!("there is no choice `{name}`"))
+                .with_help(format!("use one of {names}"))
+        })
+    }
+}
+
+impl fmt::Display for QueryForm {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// A SHA-256 over what a query form is made of.
+type Fingerprint = [u8; 32];
+
+/// What holds for the whole map, and where its places are.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Contents {
+    generation: u64,
+    uuid: String,
+    extractor: String,
+    image_size: Option<(u32, u32)>,
+    crop: Option<Rect>,
+    preset: String,
+    zone: Option<String>,
+    edges: Vec<Edge>,
+    /// Name of each, and its bytes in base64.
+    attachments: Vec<(String, String)>,
+    calibration: Option<Calibration>,
+    /// The centroids of the words that candidates are found by.
+    words: Option<Vec<[u64; 4]>>,
+    /// The sets of rhythms that models name by their position here.
+    rhythms: Vec<CandidatePeriods>,
+    blocks: Vec<Block>,
+}
+
+/// What a place is matched by, in the form that is kept.
+enum Kept<'a> {
+    /// With the position of its rhythms among those of the map.
+    Fremen(&'a Fremen, u32),
+    Mean(&'a Mean),
+    Appearances,
+}
+
+/// Where some places lie.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct Block {
+    start: u64,
+    len: u64,
+    crc: u32,
+    num_places: u32,
+}
+
+impl Localizer {
+    /// Opens the map at `path` for localising only, by way of the query form that lies beside it, which is
+    /// made if it is missing and made anew if it does not fit the map: [`open_by`](Self::open_by) with
+    /// [`QueryForm::Always`].
+    pub fn open(path: impl AsRef<Path>, cfg: LocalizerConfig) -> Result<Self> {
+        Self::open_by(path, cfg, QueryForm::Always)
+    }
+
+    /// Opens the map at `path` for localising only, by way of the query form that lies beside it, if there
+    /// is one that fits the map; else one is made, if `form` says so.
+    ///
+    /// As [`Localizer::new`] on the snapshot of [`Map::open_read_only`], with the same answers; but once there
+    /// is a query form, the file is not read as a whole, and unless the method matches kept appearances, what
+    /// is left of them is that they were kept: its snapshot is for localising, not for committing, and a
+    /// calibration that is attached to it ([`Localizer::to_attachment`]) does not fit the map. Fails as these
+    /// two do; that a query form cannot be written is no failure.
+    pub fn open_by(path: impl AsRef<Path>, cfg: LocalizerConfig, form: QueryForm) -> Result<Self> {
+        let path = path.as_ref();
+        let start = Instant::now();
+        if form != QueryForm::Never {
+            let stamp = Stamp::read(path)?;
+            let file = query_form_path(path, stamp, &cfg);
+            if let Some(localizer) = read(&file, &fingerprint(stamp, &cfg), &cfg) {
+                tracing::info!(file = %file.display(), "opened by the query form");
+                return Ok(localizer);
+            }
+        }
+        let snapshot = Map::open_read_only(path)?.snapshot();
+        let localizer = Self::new(snapshot, cfg).map_err(|error| error.with_path(path))?;
+        if form.is_worth_writing(start.elapsed()) {
+            localizer.keep_query_form(path);
+        }
+        Ok(localizer)
+    }
+
+    /// Writes the query form of this localizer beside the map at `path`, and removes those of older
+    /// generations. What goes wrong costs time the next time and nothing else.
+    fn keep_query_form(&self, path: &Path) {
+        // Another process may have committed since the stamp was read.
+        let stamp = Stamp::of(&self.snapshot);
+        let file = query_form_path(path, stamp, &self.cfg);
+        let number = NUM_PARTS.fetch_add(1, Ordering::Relaxed);
+        let part = file.with_extension(format!("part{}-{number}", std::process::id()));
+        let written =
+            (self.write_query_form(&part, &fingerprint(stamp, &self.cfg))).and_then(|is_written| {
+                if is_written {
+                    std::fs::rename(&part, &file)
+                } else {
+                    Ok(())
+                }
+            });
+        if let Err(error) = written {
+            tracing::info!(file = %file.display(), %error, "no query form kept");
+            // It may never have come to be.
+            let _ = std::fs::remove_file(&part);
+            return;
+        }
+        remove_older(path, stamp);
+    }
+
+    /// Whether it could be written: every model must have the form that is kept.
+    fn write_query_form(&self, path: &Path, fingerprint: &Fingerprint) -> io::Result<bool> {
+        let mut kept = Vec::with_capacity(self.plans.len());
+        let mut rhythms: Vec<CandidatePeriods> = Vec::new();
+        for plan in &self.plans {
+            kept.push(match plan.as_ref() {
+                Plan::Appearances { .. } => Kept::Appearances,
+                Plan::Predicted { model, .. } => {
+                    if let Some(model) = model.as_fremen() {
+                        let known = rhythms.iter().position(|it| it == model.candidates());
+                        if known.is_none() {
+                            rhythms.push(model.candidates().clone());
+                        }
+                        Kept::Fremen(model, known.unwrap_or(rhythms.len() - 1) as u32)
+                    } else if let Some(model) = model.as_mean() {
+                        Kept::Mean(model)
+                    } else {
+                        return Ok(false);
+                    }
+                }
+            });
+        }
+        let mut file = BufWriter::new(File::create_new(path)?);
+        file.write_all(&[0; HEAD_BYTES])?;
+        let mut end = HEAD_BYTES as u64;
+        let places: Vec<_> = self.snapshot.nodes.iter().zip(&kept).collect();
+        let mut blocks = Vec::new();
+        for wave in places.chunks(PLACES_PER_BLOCK * BLOCKS_PER_WAVE) {
+            let wave: Vec<(usize, Vec<u8>)> = (wave.par_chunks(PLACES_PER_BLOCK))
+                .map(|places| {
+                    let mut bytes = Vec::new();
+                    for (node, kept) in places {
+                        put_place(&mut bytes, node, kept);
+                    }
+                    (places.len(), bytes)
+                })
+                .collect();
+            for (num_places, bytes) in wave {
+                file.write_all(&bytes)?;
+                blocks.push(Block {
+                    start: end,
+                    len: bytes.len() as u64,
+                    crc: crc32fast::hash(&bytes),
+                    num_places: num_places as u32,
+                });
+                end += bytes.len() as u64;
+            }
+        }
+        let contents = serde_json::to_vec(&self.contents(rhythms, blocks))?;
+        file.write_all(&contents)?;
+        file.rewind()?;
+        file.write_all(&head(fingerprint, end, crc32fast::hash(&contents)))?;
+        file.flush()?;
+        Ok(true)
+    }
+
+    fn contents(&self, rhythms: Vec<CandidatePeriods>, blocks: Vec<Block>) -> Contents {
+        let MapMeta {
+            uuid,
+            extractor,
+            image_size,
+            crop,
+            preset,
+            zone,
+        } = self.snapshot.meta.clone();
+        Contents {
+            generation: self.snapshot.generation,
+            uuid: format!("{uuid:032x}"),
+            extractor,
+            image_size,
+            crop,
+            preset,
+            zone,
+            edges: self.snapshot.edges.clone(),
+            attachments: (self.snapshot.attachments.iter())
+                .map(|(name, bytes)| (name.clone(), BASE64.encode(bytes)))
+                .collect(),
+            calibration: self.calibration.as_deref().cloned(),
+            words: match &self.finder {
+                Finder::Inverted(words) => Some(words.centroids().map(|it| it.0).collect()),
+                Finder::Exact | Finder::Words(_) => None,
+            },
+            rhythms,
+            blocks,
+        }
+    }
+}
+
+/// What a query form of this generation and configuration is known by.
+fn fingerprint(stamp: Stamp, cfg: &LocalizerConfig) -> Fingerprint {
+    let mut sha = Sha256::new();
+    sha.update(VERSION.to_le_bytes());
+    sha.update(calibration::VERSION.to_le_bytes());
+    sha.update(env!("CARGO_PKG_VERSION"));
+    sha.update(stamp.generation.to_le_bytes());
+    sha.update(stamp.digest);
+    sha.update(kept_of(cfg));
+    sha.finalize().into()
+}
+
+/// The configuration without what is made of an answer, which has no part in a query form.
+fn kept_of(cfg: &LocalizerConfig) -> String {
+    let cfg = (cfg.clone())
+        .with_elsewhere(0.5)
+        .with_risk(0.5)
+        .with_min_score(1)
+        .with_time_bucket_s(0);
+    format!("{cfg:?}")
+}
+
+/// `MAP.GENERATION.CONFIGURATION.query`, the two as the first digits of their hashes.
+fn query_form_path(map: &Path, stamp: Stamp, cfg: &LocalizerConfig) -> PathBuf {
+    let of_cfg = Sha256::digest(kept_of(cfg)).into();
+    let mut name = map.as_os_str().to_owned();
+    name.push(format!(
+        ".{}.{}.query",
+        digits(&stamp.digest),
+        digits(&of_cfg)
+    ));
+    PathBuf::from(name)
+}
+
+/// The first 16 digits of a hash.
+fn digits(hash: &Fingerprint) -> String {
+    let first = u64::from_be_bytes(std::array::from_fn(|at| hash[at]));
+    format!("{first:016x}")
+}
+
+/// Removes the query forms of other generations of the map, and what is left of some that were never finished;
+/// nothing else is named like them.
+fn remove_older(map: &Path, stamp: Stamp) {
+    let (Some(name), Some(folder)) = (map.file_name().and_then(|it| it.to_str()), map.parent())
+    else {
+        return;
+    };
+    let folder = if folder.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        folder
+    };
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        return;
+    };
+    let newest = digits(&stamp.digest);
+    for entry in entries.flatten() {
+        let other = entry.file_name();
+        let generation = (other.to_str())
+            .and_then(|other| other.strip_prefix(name)?.strip_prefix('.'))
+            .and_then(|rest| rest.rsplit_once('.'))
+            .filter(|(_, kind)| *kind == "query" || kind.starts_with("part"))
+            .and_then(|(hashes, _)| hashes.split_once('.'));
+        let is_hash =
+            |text: &str| text.len() == 16 && text.bytes().all(|byte| byte.is_ascii_hexdigit());
+        if let Some((generation, cfg)) = generation
+            && is_hash(generation)
+            && is_hash(cfg)
+            && generation != newest
+        {
+            // Somebody else may have removed it already.
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
+
+fn head(fingerprint: &Fingerprint, contents: u64, crc: u32) -> [u8; HEAD_BYTES] {
+    let mut head = [0; HEAD_BYTES];
+    head[..8].copy_from_slice(&MAGIC);
+    head[8..12].copy_from_slice(&VERSION.to_le_bytes());
+    head[16..48].copy_from_slice(fingerprint);
+    head[48..56].copy_from_slice(&contents.to_le_bytes());
+    head[56..60].copy_from_slice(&crc.to_le_bytes());
+    let crc = crc_of_head(&head);
+    head[12..16].copy_from_slice(&crc.to_le_bytes());
+    head
+}
+
+fn crc_of_head(head: &[u8; HEAD_BYTES]) -> u32 {
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(&head[..12]);
+    hasher.update(&head[16..]);
+    hasher.finalize()
+}
+
+/// The localizer whose query form is at `path`; `None` if there is none that fits.
+fn read(path: &Path, fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Option<Localizer> {
+    let file = MappedFile::open(path).ok()?;
+    let localizer = parse(&file, fingerprint, cfg);
+    if localizer.is_none() {
+        tracing::warn!(file = %path.display(), "the query form does not fit or is damaged; it is made anew");
+    }
+    localizer
+}
+
+fn parse(file: &[u8], fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Option<Localizer> {
+    let found: &[u8; HEAD_BYTES] = file.first_chunk()?;
+    let mut reader = Reader(&found[48..]);
+    let (start, crc) = (reader.u64()?, reader.u32()?);
+    if *found != head(fingerprint, start, crc) && !cfg!(fuzzing) {
+        return None;
+    }
+    let contents = checked(file.get(usize::try_from(start).ok()?..)?, crc)?;
+    let contents: Contents = serde_json::from_slice(contents).ok()?;
+    // One after the other, so that no bytes are read twice.
+    let mut end = HEAD_BYTES as u64;
+    for block in &contents.blocks {
+        if block.start != end {
+            return None;
+        }
+        end = end.checked_add(block.len)?;
+    }
+    let blocks = (contents.blocks.par_iter())
+        .map(|block| read_block(file, block, &contents.rhythms, cfg))
+        .collect::<Option<Vec<_>>>()?;
+    let num_places = blocks.iter().map(Vec::len).sum();
+    let (mut nodes, mut plans) = (
+        Vec::with_capacity(num_places),
+        Vec::with_capacity(num_places),
+    );
+    for (node, plan) in blocks.into_iter().flatten() {
+        nodes.push(Arc::new(node));
+        plans.push(Arc::new(plan));
+    }
+    let snapshot = Snapshot {
+        generation: contents.generation,
+        meta: MapMeta {
+            uuid: u128::from_str_radix(&contents.uuid, 16).ok()?,
+            extractor: contents.extractor,
+            image_size: contents.image_size,
+            crop: contents.crop,
+            preset: contents.preset,
+            zone: contents.zone,
+        },
+        nodes,
+        edges: contents.edges,
+        attachments: (contents.attachments.into_iter())
+            .map(|(name, text)| Some((name, BASE64.decode(text).ok()?.into())))
+            .collect::<Option<_>>()?,
+    };
+    let calibration = contents.calibration;
+    let fits = !plans.is_empty()
+        && calibration.is_some() == cfg.calibrated()
+        && (calibration.iter()).all(|calibration| calibration.holds_together(&snapshot));
+    let words = contents.words.map(|words| {
+        let words: Vec<Descriptor> = words.into_iter().map(Descriptor).collect();
+        Arc::new(BinaryWords::from_centroids(&words))
+    });
+    fits.then(|| Localizer {
+        matcher: Matcher::new(cfg.matching().clone()),
+        finder: words.map_or_else(|| Finder::new(&snapshot, cfg), Finder::Inverted),
+        snapshot: Arc::new(snapshot),
+        cfg: cfg.clone(),
+        plans,
+        calibration: calibration.map(Arc::new),
+        forecasts: Forecasts::default(),
+    })
+}
+
+/// The bytes, if this is their checksum; a fuzzer, which cannot guess it, gets behind it.
+fn checked(bytes: &[u8], crc: u32) -> Option<&[u8]> {
+    (cfg!(fuzzing) || crc32fast::hash(bytes) == crc).then_some(bytes)
+}
+
+fn read_block(
+    file: &[u8],
+    block: &Block,
+    rhythms: &[CandidatePeriods],
+    cfg: &LocalizerConfig,
+) -> Option<Vec<(Node, Plan)>> {
+    let start = usize::try_from(block.start).ok()?;
+    let end = start.checked_add(usize::try_from(block.len).ok()?)?;
+    let mut reader = Reader(checked(file.get(start..end)?, block.crc)?);
+    let places = (0..block.num_places)
+        .map(|_| reader.place(rhythms, cfg))
+        .collect::<Option<Vec<_>>>()?;
+    reader.0.is_empty().then_some(places)
+}
+
+fn put_count(bytes: &mut Vec<u8>, count: usize) {
+    bytes.extend_from_slice(&(count as u64).to_le_bytes());
+}
+
+fn put_text(bytes: &mut Vec<u8>, text: &str) {
+    put_count(bytes, text.len());
+    bytes.extend_from_slice(text.as_bytes());
+}
+
+fn put_row(bytes: &mut Vec<u8>, row: &BitRow) {
+    put_count(bytes, row.len());
+    bytes.extend(row.words().iter().flat_map(|word| word.to_le_bytes()));
+}
+
+fn put_numbers(bytes: &mut Vec<u8>, numbers: &[f64]) {
+    bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+}
+
+fn put_features(bytes: &mut Vec<u8>, features: &Features) {
+    put_count(bytes, features.len());
+    for it in features.keypoints() {
+        let numbers = [it.x, it.y, it.size, it.response];
+        bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+    }
+    for descriptor in features.descriptors() {
+        bytes.extend_from_slice(&descriptor.to_bytes());
+    }
+}
+
+fn put_model(bytes: &mut Vec<u8>, kept: &Kept<'_>) {
+    let (model, rhythms) = match *kept {
+        Kept::Appearances => return,
+        Kept::Fremen(model, rhythms) => (model, rhythms),
+        Kept::Mean(model) => {
+            bytes.extend_from_slice(&NO_RHYTHMS.to_le_bytes());
+            put_numbers(bytes, model.probabilities());
+            return;
+        }
+    };
+    let (mean, candidate, terms) = model.to_parts();
+    bytes.extend_from_slice(&rhythms.to_le_bytes());
+    put_count(bytes, model.order());
+    put_numbers(bytes, mean);
+    bytes.extend(candidate.iter().flat_map(|it| it.to_le_bytes()));
+    bytes.extend(
+        (terms.iter())
+            .flat_map(|it| [it.0, it.1])
+            .flat_map(f64::to_le_bytes),
+    );
+}
+
+fn put_place(bytes: &mut Vec<u8>, node: &Node, kept: &Kept<'_>) {
+    put_text(bytes, node.key.as_str());
+    bytes.push(u8::from(node.pose.is_some()));
+    for metres in node.pose.iter().flatten() {
+        bytes.extend_from_slice(&metres.to_le_bytes());
+    }
+    put_features(bytes, &node.features);
+    put_count(bytes, node.visits.len());
+    for (index, visit) in node.visits.iter().enumerate() {
+        bytes.extend_from_slice(&visit.id.0.to_le_bytes());
+        bytes.extend_from_slice(&visit.session.0.to_le_bytes());
+        bytes.extend_from_slice(&visit.time.as_us().to_le_bytes());
+        put_text(bytes, &visit.source);
+        bytes.push(u8::from(visit.appearance_use == AppearanceUse::Experience));
+        put_row(bytes, node.log.seen_row(index));
+        let hidden = node.log.hidden_row(index);
+        bytes.push(u8::from(hidden.is_some()));
+        if let Some(hidden) = hidden {
+            put_row(bytes, hidden);
+        }
+        put_row(bytes, node.experience_log.seen_row(index));
+        let appearance = (visit.appearance.as_ref()).filter(|_| matches!(kept, Kept::Appearances));
+        bytes.push(u8::from(appearance.is_some()));
+        if let Some(appearance) = appearance {
+            put_features(bytes, appearance);
+        }
+    }
+    put_model(bytes, kept);
+}
+
+/// Bytes from outside; every step says whether they went on so far.
+struct Reader<'a>(&'a [u8]);
+
+impl<'a> Reader<'a> {
+    fn bytes(&mut self, count: usize) -> Option<&'a [u8]> {
+        let (bytes, rest) = self.0.split_at_checked(count)?;
+        self.0 = rest;
+        Some(bytes)
+    }
+
+    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
+        self.bytes(N)?.try_into().ok()
+    }
+
+    /// `count` records of N bytes each; nothing is set aside before they are known to be there.
+    fn records<const N: usize>(&mut self, count: usize) -> Option<&'a [[u8; N]]> {
+        Some(self.bytes(count.checked_mul(N)?)?.as_chunks().0)
+    }
+
+    fn u8(&mut self) -> Option<u8> {
+        self.array().map(u8::from_le_bytes)
+    }
+
+    fn u32(&mut self) -> Option<u32> {
+        self.array().map(u32::from_le_bytes)
+    }
+
+    fn u64(&mut self) -> Option<u64> {
+        self.array().map(u64::from_le_bytes)
+    }
+
+    fn count(&mut self) -> Option<usize> {
+        self.u64().and_then(|count| count.try_into().ok())
+    }
+
+    fn f64s(&mut self, count: usize) -> Option<Vec<f64>> {
+        let records = self.records::<8>(count)?;
+        let numbers = records.iter().copied().map(f64::from_le_bytes);
+        numbers.map(|it| it.is_finite().then_some(it)).collect()
+    }
+
+    fn text(&mut self) -> Option<&'a str> {
+        let count = self.count()?;
+        std::str::from_utf8(self.bytes(count)?).ok()
+    }
+
+    fn row(&mut self) -> Option<BitRow> {
+        let len = self.count()?;
+        let words = self.records::<8>(len.div_ceil(64))?;
+        BitRow::from_words(words.iter().copied().map(u64::from_le_bytes).collect(), len).ok()
+    }
+
+    fn features(&mut self) -> Option<Features> {
+        let count = self.count()?;
+        let keypoints = (self.records::<16>(count)?.iter())
+            .map(|record| {
+                let number =
+                    |at: usize| f32::from_le_bytes(std::array::from_fn(|i| record[4 * at + i]));
+                let numbers = [number(0), number(1), number(2), number(3)];
+                let [x, y, size, response] = numbers;
+                (numbers.iter().all(|it| it.is_finite())).then_some(Keypoint {
+                    x,
+                    y,
+                    size,
+                    response,
+                })
+            })
+            .collect::<Option<_>>()?;
+        let descriptors = (self.records::<32>(count)?.iter())
+            .map(|&record| Descriptor::from_bytes(record))
+            .collect();
+        Features::from_parts(keypoints, descriptors).ok()
+    }
+
+    fn place(
+        &mut self,
+        rhythms: &[CandidatePeriods],
+        cfg: &LocalizerConfig,
+    ) -> Option<(Node, Plan)> {
+        let mut node = Node::new(PlaceKey::new(self.text()?).ok()?);
+        if self.u8()? != 0 {
+            node.pose = Some(self.f64s(3)?.try_into().ok()?);
+        }
+        node.features = self.features()?;
+        let num_visits = self.count()?;
+        for _ in 0..num_visits {
+            self.visit_into(&mut node)?;
+        }
+        if node.log.num_features() != node.features.len() {
+            return None;
+        }
+        let plan = if cfg.method().predicts() {
+            Plan::Predicted {
+                model: self.model(node.features.len(), rhythms)?,
+                witnesses: Witnesses::of(&node.log, Visits::All).ok()?,
+            }
+        } else {
+            Plan::of(&node, cfg).ok()?
+        };
+        Some((node, plan))
+    }
+
+    fn visit_into(&mut self, node: &mut Node) -> Option<()> {
+        let id = VisitId(u128::from_le_bytes(self.array()?));
+        let session = SessionId(u128::from_le_bytes(self.array()?));
+        let time = Time::from_us(i64::from_le_bytes(self.array()?));
+        let source = self.text()?.to_owned();
+        let appearance_use = match self.u8()? {
+            0 => AppearanceUse::Recognised,
+            _ => AppearanceUse::Experience,
+        };
+        let seen = self.row()?;
+        let hidden = if self.u8()? == 0 {
+            None
+        } else {
+            Some(self.row()?)
+        };
+        let located_by = self.row()?;
+        let appearance = if self.u8()? == 0 {
+            None
+        } else {
+            Some(Arc::new(self.features()?))
+        };
+        node.log.push_visit(time, seen, hidden).ok()?;
+        (node.experience_log)
+            .push_visit(time, located_by, None)
+            .ok()?;
+        node.visits.push(Visit {
+            id,
+            session,
+            time,
+            source,
+            appearance,
+            appearance_use,
+        });
+        Some(())
+    }
+
+    fn model(
+        &mut self,
+        num_features: usize,
+        rhythms: &[CandidatePeriods],
+    ) -> Option<Box<dyn VisibilityModel>> {
+        let at = self.u32()?;
+        if at == NO_RHYTHMS {
+            return Some(Box::new(Mean::from_probabilities(
+                self.f64s(num_features)?,
+            )?));
+        }
+        let rhythms = rhythms.get(at as usize)?;
+        let order = self.count()?;
+        let num_slots = order.checked_mul(num_features)?;
+        let mean = self.f64s(num_features)?;
+        let candidate = (self.records::<2>(num_slots)?.iter())
+            .map(|&record| u16::from_le_bytes(record))
+            .collect();
+        let numbers = self.f64s(num_slots.checked_mul(2)?)?;
+        let terms = (numbers.as_chunks::<2>().0.iter())
+            .map(|&[cosine, sine]| (cosine, sine))
+            .collect();
+        let model = Fremen::from_parts(rhythms.clone(), order, mean, candidate, terms)?;
+        Some(Box::new(model))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_query_form_is_written_where_the_map_opened_slowly() {
+        let cases = [(999, [false, false, true]), (1001, [false, true, true])];
+        for (ms, expected) in cases {
+            let opening = Duration::from_millis(ms);
+            let written = QueryForm::ALL.map(|form| form.is_worth_writing(opening));
+            assert_eq!(written, expected, "{ms} ms");
+        }
+    }
+}

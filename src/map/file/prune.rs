@@ -1,0 +1,191 @@
+//! How does a file forget generations that nobody will return to?
+//!
+//! The content of a generation is made of its ancestors' rows, so a row is dropped only if no
+//! generation that stays needs it. Of the others, a generation without a branch is merged into the one
+//! after it: its rows change their number, and what the later one replaced (poses, attachments, edges)
+//! goes. Generations that stay keep their number, content and digest.
+//!
+//! Everything happens in one transaction, between two readings of the whole file: damage is never
+//! given a new checksum.
+
+use std::collections::{BTreeMap, BTreeSet, HashSet};
+
+use rusqlite::Connection;
+use rusqlite::types::{Value, ValueRef};
+
+use super::format::{self, Table};
+use super::load::{self, Faults, Generation, State};
+use super::store::{insert, insert_generation, migrate, sqlite_error};
+use fremen::error::{Error, ErrorKind, Result};
+
+/// What becomes of the rows of each generation.
+struct Plan {
+    /// The generations that stay, as they will be, ascending.
+    stay: Vec<Generation>,
+    /// Where the rows of a generation go; those of none given are deleted.
+    target: BTreeMap<u64, u64>,
+    /// The generations whose edges some generation that stays has.
+    edges: BTreeSet<u64>,
+}
+
+impl Plan {
+    /// Keeps generation 0, the newest, those in `keep` and those where their lines part.
+    fn new(generations: &[Generation], keep: &BTreeSet<u64>) -> Self {
+        let parents: BTreeMap<u64, Option<u64>> = generations
+            .iter()
+            .map(|it| (it.number, it.parent))
+            .collect();
+        let newest = generations.last().map(|it| it.number);
+        let is_kept = |number: u64| number == 0 || Some(number) == newest || keep.contains(&number);
+        // From the newest to the oldest: a child has the higher number.
+        let mut needed_children: BTreeMap<u64, Vec<u64>> = BTreeMap::new();
+        let mut target = BTreeMap::new();
+        for it in generations.iter().rev() {
+            let children = needed_children.remove(&it.number).unwrap_or_default();
+            let goes_to = match children[..] {
+                [] if !is_kept(it.number) => continue,
+                [child] if !is_kept(it.number) => target[&child],
+                _ => it.number,
+            };
+            target.insert(it.number, goes_to);
+            if let Some(parent) = it.parent {
+                needed_children.entry(parent).or_default().push(it.number);
+            }
+        }
+        let stays = |number: u64| target.get(&number) == Some(&number);
+        let moved = |number: u64| target.get(&number).copied().unwrap_or(number);
+        let mut edges = BTreeSet::new();
+        let stay = (generations.iter().filter(|it| stays(it.number)))
+            .map(|it| {
+                edges.insert(it.edges);
+                let mut parent = it.parent;
+                while let Some(number) = parent.filter(|&number| !stays(number)) {
+                    parent = parents.get(&number).copied().flatten();
+                }
+                Generation {
+                    parent,
+                    prunes: it.prunes + 1,
+                    meta: moved(it.meta),
+                    edges: moved(it.edges),
+                    ..it.clone()
+                }
+            })
+            .collect();
+        Self {
+            stay,
+            target,
+            edges,
+        }
+    }
+
+    /// Where the row of this generation goes, `None` if nowhere.
+    fn target_of(&self, table: &Table, generation: u64) -> Option<u64> {
+        let is_replaced = table.name == format::EDGE.name && !self.edges.contains(&generation);
+        (self.target.get(&generation).copied()).filter(|_| !is_replaced)
+    }
+}
+
+/// Drops the generations that neither are in `keep` nor needed, and gives the state that follows and
+/// how many went; `None` if all of them stay. Inside of the caller's transaction.
+pub(super) fn prune(
+    connection: &Connection,
+    keep: &BTreeSet<u64>,
+) -> Result<Option<(State, usize)>> {
+    let version = load::format_version(connection)?;
+    let read = || load::load(connection, None, None, &mut Faults::strict(), None);
+    let before = read()?.ok_or_else(|| load::no_generation(0))?;
+    let generations = load::read_generations(connection, version, None, &mut Faults::strict())?;
+    if let Some(missing) =
+        (keep.iter()).find(|&&it| generations.iter().all(|generation| generation.number != it))
+    {
+        return Err(load::no_generation(*missing));
+    }
+    let plan = Plan::new(&generations, keep);
+    let num_dropped = generations.len() - plan.stay.len();
+    if num_dropped == 0 {
+        return Ok(None);
+    }
+    if version < format::VERSION {
+        migrate(connection, version)?;
+    }
+    rewrite(connection, &plan).map_err(|error| sqlite_error(&error))?;
+    let after = read()?.ok_or_else(|| load::no_generation(0))?;
+    if after.snapshot != before.snapshot {
+        return Err(Error::new(
+            ErrorKind::Format,
+            "pruning would change the newest generation, so nothing was changed",
+        )
+        .with_help("please report this with the map"));
+    }
+    Ok(Some((after, num_dropped)))
+}
+
+fn rewrite(connection: &Connection, plan: &Plan) -> rusqlite::Result<()> {
+    connection.execute("DELETE FROM generation", [])?;
+    for generation in &plan.stay {
+        insert_generation(connection, generation)?;
+    }
+    for table in &format::TABLES[1..] {
+        rewrite_table(connection, table, plan)?;
+    }
+    Ok(())
+}
+
+/// Gives every row of a generation that goes its new number, or deletes it. O(bytes of such rows).
+fn rewrite_table(
+    connection: &Connection,
+    table: &'static Table,
+    plan: &Plan,
+) -> rusqlite::Result<()> {
+    let id_column = table.columns[0];
+    // The number of the generation is the row id in table `meta`, else the second column.
+    let at = usize::from(id_column != "generation");
+    // Of these the newest row with the same key holds, so older ones may go.
+    let key = match table.name {
+        "meta" => Some("0"),
+        "pose" => Some("place"),
+        "attachment" => Some("name"),
+        _ => None,
+    };
+    let sql = format!(
+        "SELECT {id_column}, generation, {} FROM {} ORDER BY {id_column} DESC",
+        key.unwrap_or("NULL"),
+        table.name
+    );
+    let rows = connection
+        .prepare(&sql)?
+        .query_map([], |row| {
+            Ok((row.get(0)?, row.get::<_, i64>(1)? as u64, row.get(2)?))
+        })?
+        .collect::<rusqlite::Result<Vec<(i64, u64, Value)>>>()?;
+    let mut select = connection.prepare(&format!(
+        "SELECT {} FROM {} WHERE {id_column} = ?1",
+        table.columns.join(", "),
+        table.name
+    ))?;
+    let mut delete = connection.prepare(&format!(
+        "DELETE FROM {} WHERE {id_column} = ?1",
+        table.name
+    ))?;
+    let mut holding = HashSet::new();
+    for (id, generation, value) in rows {
+        let target = plan.target_of(table, generation);
+        let is_replaced = key.is_some()
+            && target.is_some_and(|target| !holding.insert((target, format!("{value:?}"))));
+        if target == Some(generation) && !is_replaced {
+            continue;
+        }
+        let mut values: Vec<Value> = select.query_row([id], |row| {
+            (0..table.columns.len())
+                .map(|column| row.get(column))
+                .collect()
+        })?;
+        delete.execute([id])?;
+        if let Some(target) = target.filter(|_| !is_replaced) {
+            values[at] = Value::Integer(target as i64);
+            let values: Vec<ValueRef<'_>> = values.iter().map(ValueRef::from).collect();
+            insert(connection, table, &values)?;
+        }
+    }
+    Ok(())
+}

@@ -128,7 +128,7 @@ const FORMAT: &[u8; 16] = b"chronotope feat1";
 
 /// Written whole under another name and renamed, so that a reader never finds a part.
 fn write(path: &Path, extracted: &[Extracted]) -> Result<()> {
-    let as_error = |error: std::io::Error| Error::io(path, &error);
+    let as_error = |error: std::io::Error| Error::io(path, error);
     if let Some(dir) = path.parent() {
         fs::create_dir_all(dir).map_err(as_error)?;
     }

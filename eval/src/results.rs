@@ -624,7 +624,7 @@ impl SuiteResults {
 
     /// Reads a file that [`write`](Self::write) wrote.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(|error| Error::io(path, &error))?;
+        let bytes = std::fs::read(path).map_err(|error| Error::io(path, error))?;
         Self::from_json(&bytes).map_err(|error| error.with_path(path))
     }
 }
@@ -655,7 +655,7 @@ pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     written.map_err(|error| {
         // The first error is the one to report; a part that stays behind harms nobody.
         let _ = std::fs::remove_file(&part);
-        Error::io(path, &error)
+        Error::io(path, error)
     })
 }
 

@@ -83,7 +83,7 @@ impl FileImage {
         };
         let mut decoder = image::ImageReader::open(path)
             .and_then(image::ImageReader::with_guessed_format)
-            .map_err(|cause| Error::io(path, &cause))?
+            .map_err(|cause| Error::io(path, cause))?
             .into_decoder()
             .map_err(unreadable)?;
         let (width, height) = decoder.dimensions();

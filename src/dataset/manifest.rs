@@ -323,7 +323,7 @@ impl Manifest {
     /// ones and numbered files have no clock.
     pub fn locate(path: &Path) -> Result<(Self, PathBuf)> {
         let meta = std::fs::metadata(path).map_err(|cause| {
-            Error::io(path, &cause)
+            Error::io(path, cause)
                 .with_help("give a folder with an index.csv, or a manifest (*.toml)")
         })?;
         if !meta.is_dir() {
@@ -696,7 +696,7 @@ impl Layout {
 
 /// SHA-256 of a file's bytes in hexadecimal.
 pub(super) fn file_sha256(path: &Path) -> Result<String> {
-    let io = |cause: std::io::Error| Error::io(path, &cause);
+    let io = |cause: std::io::Error| Error::io(path, cause);
     let mut file = std::fs::File::open(path).map_err(io)?;
     let mut hasher = Sha256::new();
     let mut buffer = vec![0; 1 << 16];

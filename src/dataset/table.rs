@@ -6,7 +6,8 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use fremen::error::{Error, ErrorKind, Result, line_of_record};
+use fremen::error::{Error, ErrorKind, Result};
+use fremen::series::line_of_record;
 
 pub(super) struct Table {
     path: PathBuf,
@@ -114,7 +115,7 @@ impl Table {
 
 /// The file's UTF-8 text without a byte order mark.
 pub(super) fn read_text(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path).map_err(|cause| Error::io(path, &cause))?;
+    let bytes = std::fs::read(path).map_err(|cause| Error::io(path, cause))?;
     let text = String::from_utf8(bytes).map_err(|cause| {
         let line = line_at(cause.as_bytes(), cause.utf8_error().valid_up_to());
         Error::new(ErrorKind::Format, "the text is not UTF-8")

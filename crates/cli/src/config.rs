@@ -42,7 +42,7 @@ impl Config {
             return Ok(config);
         };
         let text = std::fs::read_to_string(path).map_err(|cause| {
-            Error::io(path, &cause).with_help("--print-config shows what such a file says")
+            Error::io(path, cause).with_help("--print-config shows what such a file says")
         })?;
         config
             .changed_by(&text)

@@ -23,7 +23,6 @@ mod output;
 mod pictures;
 mod predict;
 mod progress;
-mod series;
 mod spectrum;
 mod spectrum_svg;
 mod student;

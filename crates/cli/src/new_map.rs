@@ -29,7 +29,7 @@ pub(super) fn write(out: &Path, snapshot: &Snapshot) -> Result<()> {
 /// Gives a part its final name.
 pub(super) fn finish(part: &Path, out: &Path) -> Result<()> {
     refuse_existing(out)?;
-    std::fs::rename(part, out).map_err(|cause| Error::io(out, &cause))?;
+    std::fs::rename(part, out).map_err(|cause| Error::io(out, cause))?;
     if let Some(folder) = folder_of(out) {
         // The name survives a power loss; where folders cannot be synced, nothing is lost either.
         let _ = File::open(folder).and_then(|folder| folder.sync_all());

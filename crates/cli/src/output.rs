@@ -21,7 +21,7 @@ impl Output {
     /// A new file, for a trace.
     pub(super) fn file(path: &std::path::Path) -> Result<Self> {
         let file =
-            std::fs::File::create(path).map_err(|cause| chronotope::Error::io(path, &cause))?;
+            std::fs::File::create(path).map_err(|cause| chronotope::Error::io(path, cause))?;
         Ok(Self(Box::new(io::LineWriter::new(file))))
     }
 

@@ -1,4 +1,4 @@
-//! Which rhythms does a series of 0 and 1 have, and how well do they foretell it?
+//! Which rhythms does a series of 0 and 1 have, and how well do they predict it?
 
 use std::path::PathBuf;
 
@@ -8,12 +8,11 @@ use serde_json::{Value, json};
 
 use super::Outcome;
 use super::output::Output;
-use super::series::{Columns, Series, time_of};
 use super::spectrum_svg::{Picture, times};
-use chronotope::error::{Error, ErrorKind};
-use chronotope::spectrum::{CandidatePeriods, Component, SpectralSums};
-use chronotope::time::{Period, Time};
-use chronotope::visibility::{VisibilityConfig, Visits, fit};
+use fremen::Series;
+use fremen::series::{Columns, time_of_cell};
+use fremen::spectrum::{CandidatePeriods, Component, SpectralSums};
+use fremen::{Error, ErrorKind, Period, Time};
 
 /// Fewer samples than this are not split: every order would be chosen by chance.
 const MIN_SAMPLES: usize = 16;
@@ -21,7 +20,7 @@ const MIN_SAMPLES: usize = 16;
 /// Find the rhythms of any 0/1 series over time: a door, a person in a room, a passable edge.
 ///
 /// Learns from the earlier samples, judges every model on the latest ones, then learns the chosen ones
-/// again from all. `natural` is the model to use; `fremen` is the papers', with the order that foretold the
+/// again from all. `natural` is the model to use; `fremen` is the papers', with the order that predicted the
 /// latest samples best.
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -59,8 +58,8 @@ pub(super) struct SpectrumArgs {
     /// The highest order of `fremen` that is tried.
     #[arg(long, default_value_t = 5)]
     max_order: usize,
-    /// Also tell p at this time (may be given again).
-    #[arg(long, value_name = "TIME", value_parser = time_of, allow_negative_numbers = true)]
+    /// Also print p at this time (may be given again).
+    #[arg(long, value_name = "TIME", value_parser = time_of_cell, allow_negative_numbers = true)]
     predict_at: Vec<Time>,
     /// Also draw p(t) over the data, and the spectrum over that of the sampling, into this file.
     #[arg(long, value_name = "FILE")]
@@ -99,24 +98,24 @@ pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
         time: args.time_column.as_deref(),
         state: args.state_column.as_deref(),
     };
-    let series = Series::read(&args.file, columns)?;
+    let series = Series::read_csv(&args.file, columns)?;
     let base = args.base_s.map_or(Ok(Period::WEEK), Period::from_s)?;
     let candidates = CandidatePeriods::harmonic(base, args.count)?;
-    let num_asked = match series.states.len() {
+    let num_held_out = match series.len() {
         0..MIN_SAMPLES => 0,
         count => (count as f64 * args.held_out).round() as usize,
     };
-    let (earlier, latest) = series.states.split_at(series.states.len() - num_asked);
+    let (earlier, latest) = series.states().split_at(series.len() - num_held_out);
     let judged = judge(earlier, latest, &candidates, args.max_order)?;
     let order = (judged.iter())
         .find(|row| row.model == "fremen" && row.is_chosen)
         .map_or(0, |row| row.order);
     let drawn = match args.svg {
-        Some(_) => times(&series.states),
+        Some(_) => times(series.states()),
         None => Vec::new(),
     };
-    let asked = [&args.predict_at[..], &drawn].concat();
-    let mut learnt = learn(&series.states, &candidates, order, &asked)?;
+    let at = [&args.predict_at[..], &drawn].concat();
+    let mut learnt = learn(&series, &candidates, order, &at)?;
     let curves: Vec<_> = (learnt.iter_mut())
         .map(|model| {
             (
@@ -128,12 +127,12 @@ pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
     if let Some(path) = &args.svg {
         let picture = Picture {
             title: args.file.display().to_string(),
-            states: &series.states,
+            states: series.states(),
             times: &drawn,
             curves: curves.iter().map(|(name, p)| (*name, &p[..])).collect(),
-            candidates: &candidates,
+            periodogram: &series.periodogram(&candidates)?,
         };
-        std::fs::write(path, picture.svg()).map_err(|cause| Error::io(path, &cause))?;
+        std::fs::write(path, picture.svg()).map_err(|cause| Error::io(path, cause))?;
     }
     if args.json {
         out.json(&as_json(args, &series, latest.len(), &judged, &learnt))?;
@@ -143,10 +142,7 @@ pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
     Ok(Outcome::Good)
 }
 
-fn sums(
-    states: &[(Time, bool)],
-    candidates: &CandidatePeriods,
-) -> chronotope::Result<SpectralSums> {
+fn sums(states: &[(Time, bool)], candidates: &CandidatePeriods) -> fremen::Result<SpectralSums> {
     let mut sums = SpectralSums::new(candidates.clone());
     for &(time, state) in states {
         sums.add(time, state)?;
@@ -159,7 +155,7 @@ fn judge(
     latest: &[(Time, bool)],
     candidates: &CandidatePeriods,
     max_order: usize,
-) -> chronotope::Result<Vec<Judged>> {
+) -> fremen::Result<Vec<Judged>> {
     if latest.is_empty() {
         return Ok(Vec::new());
     }
@@ -179,14 +175,8 @@ fn judge(
             is_chosen: false,
         }
     };
-    let natural = fit(
-        &Series::log(earlier)?,
-        &VisibilityConfig::natural(),
-        Visits::All,
-    )?;
-    let mut rows = vec![judged("natural", natural.order(), &|time| {
-        natural.predict_one(0, time)
-    })];
+    let natural = earlier.iter().copied().collect::<Series>().learn()?;
+    let mut rows = vec![judged("natural", natural.order(), &|time| natural.p(time))];
     rows[0].is_chosen = true;
     let sums = sums(earlier, candidates)?;
     let mut best = 1;
@@ -206,26 +196,19 @@ fn judge(
 }
 
 fn learn(
-    states: &[(Time, bool)],
+    series: &Series,
     candidates: &CandidatePeriods,
     order: usize,
     times: &[Time],
-) -> chronotope::Result<Vec<Learnt>> {
-    let natural = fit(
-        &Series::log(states)?,
-        &VisibilityConfig::natural(),
-        Visits::All,
-    )?;
-    let rhythms = sums(states, candidates)?.rhythms(order);
-    let seen = states.iter().filter(|state| state.1).count();
+) -> fremen::Result<Vec<Learnt>> {
+    let natural = series.learn()?;
+    let rhythms = sums(series.states(), candidates)?.rhythms(order);
     Ok(vec![
         Learnt {
             model: "natural",
-            mean: natural
-                .level(0)
-                .unwrap_or(seen as f64 / states.len() as f64),
-            components: natural.components(0),
-            predicted: times.iter().map(|&t| natural.predict_one(0, t)).collect(),
+            mean: natural.level().or(series.mean()).unwrap_or_default(),
+            components: natural.components(),
+            predicted: times.iter().map(|&time| natural.p(time)).collect(),
         },
         Learnt {
             model: "fremen",
@@ -247,11 +230,11 @@ fn first_peak(component: &Component, from: Time) -> Time {
 fn as_json(
     args: &SpectrumArgs,
     series: &Series,
-    num_asked: usize,
+    num_held_out: usize,
     judged: &[Judged],
     learnt: &[Learnt],
 ) -> Value {
-    let first = series.states[0].0;
+    let first = series.states()[0].0;
     let models = judged.iter().map(|row| {
         json!({
             "model": row.model,
@@ -281,9 +264,9 @@ fn as_json(
     });
     json!({
         "file": args.file,
-        "num_samples": series.states.len(),
-        "num_missing": series.num_missing,
-        "num_held_out": num_asked,
+        "num_samples": series.len(),
+        "num_missing": series.missing().len(),
+        "num_held_out": num_held_out,
         "first": first.to_string(),
         "span_s": series.span_s(),
         "held_out": models.collect::<Vec<_>>(),
@@ -294,27 +277,26 @@ fn as_json(
 fn show(
     args: &SpectrumArgs,
     series: &Series,
-    num_asked: usize,
+    num_held_out: usize,
     judged: &[Judged],
     learnt: &[Learnt],
     out: &mut Output,
 ) -> Result<()> {
-    let count = series.states.len();
-    let first = series.states[0].0;
-    let seen = series.states.iter().filter(|state| state.1).count();
+    let count = series.len();
+    let first = series.states()[0].0;
     let span = Period::from_s(series.span_s()).map_or_else(|_| "no time".into(), |s| s.to_string());
     out.line(format_args!(
         "{}: {count} samples over {span} from {first}, {} missing; 1 in {:.1} % of them",
         args.file.display(),
-        series.num_missing,
-        100.0 * seen as f64 / count as f64
+        series.missing().len(),
+        100.0 * series.mean().unwrap_or_default()
     ))?;
     if judged.is_empty() {
         out.line("no sample is held out: orders are not compared, and fremen is the mean")?;
     } else {
         out.line(format_args!(
-            "\non the latest {num_asked} samples, learnt from the {} before\nmodel     order  wrong %   Brier",
-            count - num_asked
+            "\non the latest {num_held_out} samples, learnt from the {} before\nmodel     order  wrong %   Brier",
+            count - num_held_out
         ))?;
         for row in judged {
             out.line(format_args!(

@@ -6,8 +6,8 @@
 
 use std::fmt::Write as _;
 
-use chronotope::spectrum::CandidatePeriods;
-use chronotope::time::{Period, Time};
+use fremen::spectrum::Periodogram;
+use fremen::{Period, Time};
 
 const WIDTH: f64 = 960.0;
 const LEFT: f64 = 48.0;
@@ -26,7 +26,7 @@ pub(super) struct Picture<'a> {
     pub(super) times: &'a [Time],
     /// Names of models with p at these times.
     pub(super) curves: Vec<(&'static str, &'a [f64])>,
-    pub(super) candidates: &'a CandidatePeriods,
+    pub(super) periodogram: &'a Periodogram,
 }
 
 /// The times at which curves are drawn, from the first to the last one; none without states.
@@ -39,31 +39,6 @@ pub(super) fn times(states: &[(Time, bool)]) -> Vec<Time> {
     let span = i128::from(last) - i128::from(from);
     (0..=NUM_POINTS)
         .map(|i| Time::from_us(from + (span * i128::from(i) / i128::from(NUM_POINTS)) as i64))
-        .collect()
-}
-
-/// For each candidate, how far p(t) swings by it, `2 abs(g_k)`, and `abs(W_k) / m` of the sampling.
-fn lines(states: &[(Time, bool)], candidates: &CandidatePeriods) -> Vec<(f64, f64)> {
-    let width = 2 * candidates.len();
-    let (mut phasors, mut seen, mut all) = (vec![0.0; width], vec![0.0; width], vec![0.0; width]);
-    let mut num_seen = 0.0;
-    for &(time, state) in states {
-        candidates.phasors_into(time, &mut phasors);
-        let state = f64::from(u8::from(state));
-        num_seen += state;
-        for ((seen, all), phasor) in seen.iter_mut().zip(&mut all).zip(&phasors) {
-            *seen += state * phasor;
-            *all += phasor;
-        }
-    }
-    let count = states.len().max(1) as f64;
-    let balanced = |i: usize| seen[i] - num_seen / count * all[i];
-    (0..candidates.len())
-        .map(|k| {
-            let sin = k + candidates.len();
-            let amplitude = 2.0 * balanced(k).hypot(balanced(sin)) / count;
-            (amplitude, all[k].hypot(all[sin]) / count)
-        })
         .collect()
 }
 
@@ -141,11 +116,12 @@ impl Picture<'_> {
         const MIDDLE: f64 = 440.0;
         const HEIGHT: f64 = 120.0;
         const DEPTH: f64 = 70.0;
-        let lines = lines(self.states, self.candidates);
-        let highest = lines.iter().fold(0.0, |max: f64, line| max.max(line.0));
-        let periods: Vec<f64> = (0..lines.len())
-            .map(|k| self.candidates.period_s(k).ln())
-            .collect();
+        let lines = self.periodogram.lines();
+        let highest = self
+            .periodogram
+            .strongest()
+            .map_or(0.0, |line| line.amplitude);
+        let periods: Vec<f64> = lines.iter().map(|line| line.period_s.ln()).collect();
         let longest = periods.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let shortest = periods.iter().copied().fold(f64::INFINITY, f64::min);
         let width = (longest - shortest).max(1e-9);
@@ -155,14 +131,14 @@ impl Picture<'_> {
         axis(svg, MIDDLE, "0");
         axis(svg, MIDDLE + DEPTH, "1");
         let (mut up, mut down) = (String::new(), String::new());
-        for ((amplitude, window), &period) in lines.iter().zip(&periods) {
+        for (line, &period) in lines.iter().zip(&periods) {
             let x = px(period);
             let _ = write!(
                 up,
                 "M{x:.1} {MIDDLE}v-{:.1}",
-                amplitude / highest.max(1e-12) * HEIGHT
+                line.amplitude / highest.max(1e-12) * HEIGHT
             );
-            let _ = write!(down, "M{x:.1} {MIDDLE}v{:.1}", window * DEPTH);
+            let _ = write!(down, "M{x:.1} {MIDDLE}v{:.1}", line.window * DEPTH);
         }
         for (class, colour, d) in [("amplitude", "#0072b2", up), ("window", "#d55e00", down)] {
             let _ = writeln!(
@@ -210,25 +186,7 @@ fn escaped(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_regular_sampling_has_no_line_of_its_own_and_office_hours_have() {
-        let day_k = 6;
-        let candidates = CandidatePeriods::harmonic(Period::WEEK, 14).expect("valid");
-        let hours = |keep: fn(i64) -> bool| -> Vec<(Time, bool)> {
-            (0..28 * 24)
-                .filter(|hour| keep(hour % 24))
-                .map(|hour| (Time::from_s(hour * 3_600), hour % 24 < 12))
-                .collect()
-        };
-        let all = lines(&hours(|_| true), &candidates);
-        assert!(
-            all[day_k].0 > 0.6 && all.iter().all(|line| line.1 < 1e-9),
-            "{all:?}"
-        );
-        let office = lines(&hours(|hour| (8..18).contains(&hour)), &candidates);
-        assert!(office[day_k].1 > 0.6, "{office:?}");
-    }
+    use fremen::CandidatePeriods;
 
     #[test]
     fn times_and_titles_far_out_are_drawn_without_nonsense() {
@@ -239,13 +197,14 @@ mod tests {
         ];
         for states in [&ends[..], &ends[..1], &[]] {
             let times = times(states);
+            let periodogram = Periodogram::new(states, &candidates).expect("few");
             let p = vec![0.5; times.len()];
             let picture = Picture {
                 title: "<a> & b".into(),
                 states,
                 times: &times,
                 curves: vec![("natural", &p)],
-                candidates: &candidates,
+                periodogram: &periodogram,
             };
             let svg = picture.svg();
             assert!(

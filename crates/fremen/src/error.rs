@@ -1,13 +1,15 @@
 //! What failed, where, and what helps?
 //!
-//! One boxed [`Error`] serves the whole crate. It has a [`kind`](Error::kind) to branch on, and a
-//! message for people that names the file, the place in it and the remedy, each added by the layer
-//! that knows it. "Not located" is no error but a decision of `localize`.
+//! One boxed [`Error`] serves this crate and all that are built on it. It has a [`kind`](Error::kind) to
+//! branch on, and a message for people that names the file, the place in it and the remedy, each added
+//! by the layer that knows it.
 
+use std::error::Error as StdError;
 use std::fmt;
+use std::io;
 use std::path::{Path, PathBuf};
 
-/// The result type of every fallible function of this crate.
+/// The result type of every fallible function.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// What sort of thing failed; more kinds may be added.
@@ -16,7 +18,7 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 pub enum ErrorKind {
     /// The operating system refused to read or write.
     Io,
-    /// A file is not what its name or header says.
+    /// A file is not what its name or header says, cannot be decoded, or holds what cannot be used.
     Format,
     /// Stored bytes do not match their checksum.
     Checksum,
@@ -26,17 +28,59 @@ pub enum ErrorKind {
     Shape,
     /// A time is missing, malformed or outside the supported range.
     Time,
-    /// An image cannot be decoded or is unfit for the extractor.
-    Image,
+    /// What was named is not there: a file, a place, a generation, a visit.
+    NotFound,
+    /// What was to be added is there already: a file, a visit.
+    AlreadyExists,
+    /// Somebody else was faster; the same call may succeed after what it works on was read again.
+    Conflict,
     /// The caller asked to stop; everything acknowledged so far is kept.
     Interrupted,
 }
 
+impl ErrorKind {
+    /// Every kind.
+    pub const ALL: [Self; 10] = [
+        Self::Io,
+        Self::Format,
+        Self::Checksum,
+        Self::Config,
+        Self::Shape,
+        Self::Time,
+        Self::NotFound,
+        Self::AlreadyExists,
+        Self::Conflict,
+        Self::Interrupted,
+    ];
+
+    /// The name used in logs and by bindings to other languages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Io => "io",
+            Self::Format => "format",
+            Self::Checksum => "checksum",
+            Self::Config => "config",
+            Self::Shape => "shape",
+            Self::Time => "time",
+            Self::NotFound => "not-found",
+            Self::AlreadyExists => "already-exists",
+            Self::Conflict => "conflict",
+            Self::Interrupted => "interrupted",
+        }
+    }
+}
+
+impl fmt::Display for ErrorKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
 /// An error with its kind, place and remedy.
 ///
-/// Shown as `FILE: PLACE: MESSAGE (help: REMEDY)`, with the parts that are known.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
+/// Shown as `FILE: PLACE: MESSAGE (help: REMEDY)`, with the parts that are known. That text is complete:
+/// it already says what the [`source`](StdError::source) says, which is there to be branched on.
+#[derive(Debug)]
 pub struct Error(Box<Inner>);
 
 #[derive(Debug)]
@@ -46,6 +90,7 @@ struct Inner {
     path: Option<PathBuf>,
     place: Option<String>,
     help: Option<String>,
+    source: Option<Box<dyn StdError + Send + Sync>>,
 }
 
 impl Error {
@@ -57,12 +102,21 @@ impl Error {
             path: None,
             place: None,
             help: None,
+            source: None,
         }))
     }
 
-    /// An [`ErrorKind::Io`] error for `path`.
-    pub fn io(path: impl AsRef<Path>, source: &std::io::Error) -> Self {
-        Self::new(ErrorKind::Io, source.to_string()).with_path(path)
+    /// What the operating system said of `path`: [`ErrorKind::NotFound`], [`ErrorKind::AlreadyExists`] or
+    /// [`ErrorKind::Io`].
+    pub fn io(path: impl AsRef<Path>, cause: io::Error) -> Self {
+        let kind = match cause.kind() {
+            io::ErrorKind::NotFound => ErrorKind::NotFound,
+            io::ErrorKind::AlreadyExists => ErrorKind::AlreadyExists,
+            _ => ErrorKind::Io,
+        };
+        Self::new(kind, cause.to_string())
+            .with_path(path)
+            .with_source(cause)
     }
 
     /// Names the file, unless a deeper layer has done so.
@@ -88,49 +142,60 @@ impl Error {
         self
     }
 
+    /// Keeps the error of a library below, unless one is kept already.
+    #[must_use]
+    pub fn with_source(mut self, source: impl Into<Box<dyn StdError + Send + Sync>>) -> Self {
+        self.0.source.get_or_insert_with(|| source.into());
+        self
+    }
+
     /// The sort of failure.
     pub fn kind(&self) -> ErrorKind {
         self.0.kind
+    }
+
+    /// What failed, without file, place and remedy.
+    pub fn message(&self) -> &str {
+        &self.0.message
     }
 
     /// The file concerned, where one is.
     pub fn path(&self) -> Option<&Path> {
         self.0.path.as_deref()
     }
+
+    /// The place inside the file, where one is known: `line 7`.
+    pub fn place(&self) -> Option<&str> {
+        self.0.place.as_deref()
+    }
+
+    /// What the user can do about it, where something is known.
+    pub fn help(&self) -> Option<&str> {
+        self.0.help.as_deref()
+    }
 }
 
-impl fmt::Display for Inner {
+impl StdError for Error {
+    fn source(&self) -> Option<&(dyn StdError + 'static)> {
+        self.0.source.as_deref().map(|source| source as _)
+    }
+}
+
+impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(path) = &self.path {
+        let inner = &self.0;
+        if let Some(path) = &inner.path {
             write!(f, "{}: ", path.display())?;
         }
-        if let Some(place) = &self.place {
+        if let Some(place) = &inner.place {
             write!(f, "{place}: ")?;
         }
-        f.write_str(&self.message)?;
-        if let Some(help) = &self.help {
+        f.write_str(&inner.message)?;
+        if let Some(help) = &inner.help {
             write!(f, " (help: {help})")?;
         }
         Ok(())
     }
-}
-
-/// The line that a CSV record begins on, counted from 1.
-///
-/// The reader notes where it began to look, which is before the empty lines and comments that it passed
-/// over.
-pub fn line_of_record(text: &[u8], record: &csv::StringRecord, comment: Option<u8>) -> u64 {
-    let Some(position) = record.position() else {
-        return 1;
-    };
-    let rest = text.get(position.byte() as usize..).unwrap_or_default();
-    let passed = rest
-        .split_inclusive(|&byte| byte == b'\n')
-        .take_while(|line| {
-            (comment.is_some() && line.first().copied() == comment)
-                || line.iter().all(|byte| b"\r\n".contains(byte))
-        });
-    position.line() + passed.count() as u64
 }
 
 #[cfg(test)]
@@ -149,5 +214,34 @@ mod tests {
             "index.csv: line 7: bad time `x` (help: write RFC 3339)"
         );
         assert_eq!(error.kind(), ErrorKind::Time);
+        assert_eq!(error.message(), "bad time `x`");
+        assert_eq!(error.path(), Some(Path::new("index.csv")));
+        assert_eq!(error.place(), Some("line 7"));
+        assert_eq!(error.help(), Some("write RFC 3339"));
+        assert!(error.source().is_none());
+    }
+
+    #[test]
+    fn an_error_of_the_system_can_be_branched_on_by_kind_and_by_source() {
+        let path = Path::new("/no such folder/door.csv");
+        let cause = std::fs::read(path).expect_err("there is none");
+        let error = Error::io(path, cause);
+        assert_eq!(error.kind(), ErrorKind::NotFound);
+        let source = error.source().and_then(|it| it.downcast_ref::<io::Error>());
+        assert_eq!(source.map(io::Error::kind), Some(io::ErrorKind::NotFound));
+        let full = Error::io(path, io::Error::from(io::ErrorKind::StorageFull));
+        assert_eq!(full.kind(), ErrorKind::Io);
+    }
+
+    #[test]
+    fn kinds_have_names_of_their_own() {
+        let names: std::collections::BTreeSet<_> = ErrorKind::ALL.map(ErrorKind::name).into();
+        assert_eq!(names.len(), ErrorKind::ALL.len());
+    }
+
+    #[test]
+    fn errors_go_from_thread_to_thread() {
+        fn check<T: Send + Sync + 'static>() {}
+        check::<Error>();
     }
 }

@@ -7,6 +7,7 @@
 
 use std::fmt;
 use std::str::FromStr;
+use std::time::{Duration, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
@@ -32,6 +33,18 @@ impl Time {
         Self(s.saturating_mul(US_PER_S))
     }
 
+    /// What the system's clock says.
+    ///
+    /// A clock that is off by more than 290,000 years gives the nearest end of time.
+    pub fn now() -> Self {
+        let now = SystemTime::now();
+        Self::try_from(now).unwrap_or(if now < SystemTime::UNIX_EPOCH {
+            Self(i64::MIN)
+        } else {
+            Self(i64::MAX)
+        })
+    }
+
     /// Microseconds since the Unix epoch.
     pub const fn as_us(self) -> i64 {
         self.0
@@ -52,6 +65,7 @@ impl Time {
             .map_err(|cause| {
                 Error::new(ErrorKind::Time, format!("bad time `{text}`: {cause}"))
                     .with_help("write RFC 3339 with an offset, such as 2009-10-15T12:00:00Z")
+                    .with_source(cause)
             })
     }
 
@@ -79,6 +93,65 @@ impl fmt::Display for Time {
             Ok(timestamp) => write!(f, "{timestamp}"),
             Err(_) => write!(f, "epoch{:+} us", self.0),
         }
+    }
+}
+
+impl From<jiff::Timestamp> for Time {
+    /// Cut to whole microseconds, towards the epoch.
+    fn from(timestamp: jiff::Timestamp) -> Self {
+        Self(timestamp.as_microsecond())
+    }
+}
+
+impl TryFrom<Time> for jiff::Timestamp {
+    type Error = Error;
+
+    /// Fails beyond the years -9999 and 9999.
+    fn try_from(time: Time) -> Result<Self> {
+        Self::from_microsecond(time.0).map_err(|cause| {
+            Error::new(
+                ErrorKind::Time,
+                format!("{time} is outside of the calendar"),
+            )
+            .with_source(cause)
+        })
+    }
+}
+
+impl TryFrom<SystemTime> for Time {
+    type Error = Error;
+
+    /// Cut to whole microseconds, towards the past.
+    fn try_from(time: SystemTime) -> Result<Self> {
+        let us = match time.duration_since(SystemTime::UNIX_EPOCH) {
+            Ok(since) => i64::try_from(since.as_micros()).ok(),
+            Err(before) => {
+                let us = before.duration().as_nanos().div_ceil(1_000);
+                i64::try_from(us).ok().map(|us| -us)
+            }
+        };
+        us.map(Self).ok_or_else(|| {
+            Error::new(
+                ErrorKind::Time,
+                "the system's time does not fit into 64 bits of microseconds",
+            )
+        })
+    }
+}
+
+impl TryFrom<Time> for SystemTime {
+    type Error = Error;
+
+    /// Fails where the system cannot represent the time.
+    fn try_from(time: Time) -> Result<Self> {
+        let distance = Duration::from_micros(time.0.unsigned_abs());
+        let moved = if time.0 < 0 {
+            Self::UNIX_EPOCH.checked_sub(distance)
+        } else {
+            Self::UNIX_EPOCH.checked_add(distance)
+        };
+        moved
+            .ok_or_else(|| Error::new(ErrorKind::Time, format!("{time} is no time of this system")))
     }
 }
 
@@ -209,6 +282,21 @@ mod tests {
         let day = Period::DAY;
         assert_eq!(Time::from_s(4 * 86_400 * 40_000 + 21_600).phase(day), 0.25);
         assert_eq!(Time::from_s(-21_600).phase(day), 0.75);
+    }
+
+    #[test]
+    fn times_of_the_system_and_of_the_calendar_come_back() {
+        for us in [0, 1, -1, -1_500_000, 1_255_608_123_456_789] {
+            let time = Time::from_us(us);
+            let of_system = SystemTime::try_from(time).expect("representable");
+            assert_eq!(Time::try_from(of_system).expect("in range"), time, "{us}");
+            let of_calendar = jiff::Timestamp::try_from(time).expect("in the calendar");
+            assert_eq!(Time::from(of_calendar), time, "{us}");
+        }
+        let error = jiff::Timestamp::try_from(Time::from_us(i64::MAX)).expect_err("no such year");
+        assert_eq!(error.kind(), ErrorKind::Time);
+        // This was written in 2026.
+        assert!(Time::now() > Time::parse("2026-01-01T00:00:00Z").expect("valid"));
     }
 
     #[test]

@@ -551,7 +551,7 @@ pub(in crate::dataset) fn relative(root: &Path, path: &Path) -> String {
 
 /// What is in a folder: sorted by name without extension, then by preference of extension.
 pub(in crate::dataset) fn list(dir: &Path) -> Result<Vec<PathBuf>> {
-    let io = |cause: std::io::Error| Error::io(dir, &cause);
+    let io = |cause: std::io::Error| Error::io(dir, cause);
     let mut paths = fs::read_dir(dir)
         .map_err(io)?
         .map(|entry| entry.map(|entry| entry.path()))

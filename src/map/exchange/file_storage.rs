@@ -41,7 +41,7 @@ pub struct FileStorageMap {
 /// Reads one place of the reference benchmark; errors name the line.
 pub fn read_file_storage(path: impl AsRef<Path>) -> Result<FileStorageMap> {
     let path = path.as_ref();
-    let text = std::fs::read(path).map_err(|cause| Error::io(path, &cause))?;
+    let text = std::fs::read(path).map_err(|cause| Error::io(path, cause))?;
     parse(&text).map_err(|error| error.with_path(path))
 }
 

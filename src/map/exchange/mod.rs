@@ -86,10 +86,10 @@ impl Snapshot {
         if self.attachments.is_empty() {
             return Ok(());
         }
-        fs::create_dir(folder).map_err(|cause| Error::io(folder, &cause))?;
+        fs::create_dir(folder).map_err(|cause| Error::io(folder, cause))?;
         for (name, value) in &self.attachments {
             let path = folder.join(format!("{name}.bin"));
-            fs::write(&path, value).map_err(|cause| Error::io(&path, &cause))?;
+            fs::write(&path, value).map_err(|cause| Error::io(&path, cause))?;
         }
         Ok(())
     }
@@ -162,10 +162,10 @@ impl Snapshot {
         if !folder.exists() {
             return Ok(());
         }
-        let io = |cause: std::io::Error| Error::io(folder, &cause);
+        let io = |cause: std::io::Error| Error::io(folder, cause);
         for entry in fs::read_dir(folder).map_err(io)? {
             let path = entry.map_err(io)?.path();
-            let io = |cause: std::io::Error| Error::io(&path, &cause);
+            let io = |cause: std::io::Error| Error::io(&path, cause);
             let name = path.file_stem().and_then(|name| name.to_str());
             let is_bin = path.extension().is_some_and(|extension| extension == "bin");
             let Some(name) = name.filter(|_| is_bin) else {
@@ -184,7 +184,7 @@ impl Snapshot {
 
 /// Makes the folder, or accepts an empty one.
 fn prepare(folder: &Path) -> Result<()> {
-    let io = |cause: std::io::Error| Error::io(folder, &cause);
+    let io = |cause: std::io::Error| Error::io(folder, cause);
     if folder.exists() {
         if fs::read_dir(folder).map_err(io)?.next().is_some() {
             return Err(Error::new(ErrorKind::Io, "this folder is not empty")
@@ -263,13 +263,13 @@ fn visit_row(node: &Node, at: usize) -> Vec<String> {
 
 fn write_table(path: &Path, columns: &[&str], rows: &[Vec<String>]) -> Result<()> {
     let error = |cause: csv::Error| csv_error(path, &cause);
-    let file = fs::File::create_new(path).map_err(|cause| Error::io(path, &cause))?;
+    let file = fs::File::create_new(path).map_err(|cause| Error::io(path, cause))?;
     let mut writer = csv::Writer::from_writer(file);
     writer.write_record(columns).map_err(error)?;
     for row in rows {
         writer.write_record(row).map_err(error)?;
     }
-    writer.flush().map_err(|cause| Error::io(path, &cause))
+    writer.flush().map_err(|cause| Error::io(path, cause))
 }
 
 fn csv_error(path: &Path, cause: &csv::Error) -> Error {
@@ -469,7 +469,7 @@ struct Table {
 
 impl Table {
     fn read(path: &Path, columns: &'static [&'static str]) -> Result<Self> {
-        let file = fs::File::open(path).map_err(|cause| Error::io(path, &cause))?;
+        let file = fs::File::open(path).map_err(|cause| Error::io(path, cause))?;
         let mut reader = csv::ReaderBuilder::new()
             .buffer_capacity(1 << 16)
             .from_reader(file);

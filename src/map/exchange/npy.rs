@@ -56,12 +56,12 @@ pub(super) fn write(path: &Path, of: Type, columns: usize, data: &[u8]) -> Resul
         file.write_all(data)?;
         file.flush()
     };
-    write().map_err(|cause| Error::io(path, &cause))
+    write().map_err(|cause| Error::io(path, cause))
 }
 
 /// Reads what [`write`] has written, or numpy with `numpy.save`.
 pub(super) fn read(path: &Path, of: Type, columns: usize) -> Result<Vec<u8>> {
-    let mut bytes = std::fs::read(path).map_err(|cause| Error::io(path, &cause))?;
+    let mut bytes = std::fs::read(path).map_err(|cause| Error::io(path, cause))?;
     let (start, rows) = parse_header(&bytes, of, columns).map_err(|error| error.with_path(path))?;
     let row_bytes = of.bytes * columns.max(1);
     let expected = rows

@@ -88,7 +88,7 @@ impl Map {
                 std::io::ErrorKind::NotFound => "create the folder first",
                 _ => "choose a folder that may be written",
             };
-            Error::io(path, &error).with_help(help)
+            Error::io(path, error).with_help(help)
         })?;
         let created = Self::create_in(path, meta, time, page_bytes);
         if created.is_err() {
@@ -319,7 +319,7 @@ impl Map {
     fn prune_inner(&self, keep: &BTreeSet<u64>) -> Result<Pruned> {
         let num_bytes = || {
             let metadata = std::fs::metadata(&self.path);
-            metadata.map_err(|error| Error::io(&self.path, &error))
+            metadata.map_err(|error| Error::io(&self.path, error))
         };
         let num_bytes_before = num_bytes()?.len();
         let mut stored = self.stored();
@@ -455,7 +455,7 @@ fn shared() -> std::sync::RwLockReadGuard<'static, ()> {
 
 pub(super) fn connect(path: &Path, flags: OpenFlags) -> Result<Connection> {
     // An absolute path is never taken for one of SQLite's special names (`:memory:`, `file:...`).
-    let path = std::path::absolute(path).map_err(|error| Error::io(path, &error))?;
+    let path = std::path::absolute(path).map_err(|error| Error::io(path, error))?;
     let connect = || {
         let flags = flags | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         let connection = Connection::open_with_flags(path, flags)?;
@@ -672,7 +672,7 @@ pub(super) fn sqlite_error(error: &rusqlite::Error) -> Error {
 /// Looks at a file's first bytes: an error unless it is a whole file of this format.
 pub(super) fn peek(path: &Path) -> Result<()> {
     let io = |error: std::io::Error| {
-        let error = Error::io(path, &error);
+        let error = Error::io(path, error);
         if path.exists() {
             error
         } else {

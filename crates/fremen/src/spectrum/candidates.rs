@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::codec::{Reader, Writer};
 use super::phasor::unit;
 use crate::error::{Error, ErrorKind, Result};
 use crate::time::{Period, Time};
@@ -36,8 +37,9 @@ impl CandidatePeriods {
         count: 12,
     });
 
-    /// The rhythms of sun and people: a year, a week, and a day with its fractions down to 6 h. Which of them a place's visits can support is for guards to say.
-    pub fn natural() -> Self {
+    /// The rhythms of sun and people: a year, a week, and a day with its fractions down to 6 h. Which of
+    /// them the visits of a place can support is for guards to say.
+    pub fn calendar() -> Self {
         let [year, week, day] = [Period::YEAR, Period::WEEK, Period::DAY];
         Self(Kind::List(vec![
             year,
@@ -142,6 +144,41 @@ impl CandidatePeriods {
         match &self.0 {
             Kind::Harmonic { base, .. } => power(unit(time.phase(*base)), index as u32 + 1),
             Kind::List(periods) => unit(time.phase(periods[index])),
+        }
+    }
+
+    /// Writes the set as a part of something larger.
+    pub(crate) fn write(&self, writer: &mut Writer) {
+        match &self.0 {
+            Kind::Harmonic { base, count } => {
+                writer.byte(0);
+                writer.varint(base.as_us() as u64);
+                writer.varint((*count).into());
+            }
+            Kind::List(periods) => {
+                writer.byte(1);
+                writer.varint(periods.len() as u64);
+                for period in periods {
+                    writer.varint(period.as_us() as u64);
+                }
+            }
+        }
+    }
+
+    /// Reads what [`write`](Self::write) wrote.
+    pub(crate) fn read(reader: &mut Reader<'_>) -> Result<Self> {
+        let period = |reader: &mut Reader<'_>| Period::from_us(reader.varint()? as i64);
+        match reader.byte()? {
+            0 => {
+                let base = period(reader)?;
+                Self::harmonic(base, reader.varint()? as usize)
+            }
+            1 => {
+                let count = reader.count(1)?;
+                let periods = (0..count).map(|_| period(reader));
+                Self::list(periods.collect::<Result<_>>()?)
+            }
+            _ => Err(reader.impossible("no such kind of candidate periods")),
         }
     }
 

@@ -33,6 +33,22 @@ impl Writer {
         self.varint(((value << 1) ^ (value >> 63)) as u64);
     }
 
+    pub(crate) fn float(&mut self, value: f64) {
+        self.0.extend(value.to_le_bytes());
+    }
+
+    pub(crate) fn floats(&mut self, values: impl IntoIterator<Item = f64>) {
+        for value in values {
+            self.float(value);
+        }
+    }
+
+    /// Bytes that carry their own tag and checksum, behind their length.
+    pub(crate) fn bytes(&mut self, bytes: &[u8]) {
+        self.varint(bytes.len() as u64);
+        self.0.extend(bytes);
+    }
+
     pub(crate) fn finish(mut self) -> Vec<u8> {
         let crc = crc32fast::hash(&self.0);
         self.0.extend(crc.to_le_bytes());
@@ -110,6 +126,51 @@ impl<'a> Reader<'a> {
     pub(crate) fn signed(&mut self) -> Result<i64> {
         let value = self.varint()?;
         Ok((value >> 1) as i64 ^ -((value & 1) as i64))
+    }
+
+    /// As many numbers, none of which is infinite or NaN.
+    pub(crate) fn floats(&mut self, count: usize) -> Result<Vec<f64>> {
+        let bytes = self.take(count, 8)?;
+        let (chunks, _) = bytes.as_chunks::<8>();
+        let values: Vec<f64> = chunks.iter().map(|it| f64::from_le_bytes(*it)).collect();
+        if values.iter().all(|value| value.is_finite()) {
+            Ok(values)
+        } else {
+            Err(self.impossible("a number is not finite"))
+        }
+    }
+
+    pub(crate) fn u16s(&mut self, count: usize) -> Result<Vec<u16>> {
+        let (chunks, _) = self.take(count, 2)?.as_chunks::<2>();
+        Ok(chunks.iter().map(|it| u16::from_le_bytes(*it)).collect())
+    }
+
+    /// What [`Writer::bytes`] wrote.
+    pub(crate) fn bytes(&mut self) -> Result<&'a [u8]> {
+        let len = self.count(1)?;
+        self.take(len, 1)
+    }
+
+    /// A number of things that take at least `least` bytes each, so that no file can ask for more memory
+    /// than it is long.
+    pub(crate) fn count(&mut self, least: usize) -> Result<usize> {
+        let count = usize::try_from(self.varint()?).ok();
+        let fits = |count: &usize| {
+            count
+                .checked_mul(least)
+                .is_some_and(|it| it <= self.rest().len())
+        };
+        count
+            .filter(fits)
+            .ok_or_else(|| self.impossible("more items than bytes"))
+    }
+
+    fn take(&mut self, count: usize, size: usize) -> Result<&'a [u8]> {
+        let len = count.checked_mul(size);
+        let taken = len.and_then(|len| self.rest().get(..len));
+        let taken = taken.ok_or_else(|| self.impossible("ends too early"))?;
+        self.at += taken.len();
+        Ok(taken)
     }
 
     /// Bytes not read yet.

@@ -1,8 +1,9 @@
-//! What rhythms are in this 0/1 history?
+//! Which rhythms are in this 0/1 history?
 //!
 //! Pure mathematics of one binary state observed at known times; nothing here knows what the state
 //! means. [`CandidatePeriods`] is the set Omega of rhythms that are looked for; [`SpectralSums`] learn a
-//! state from observations at any times ([`VisitSums`] each visit once, whoever brings it), and a [`PhasorTable`] many states that share their times;
+//! state from observations at any times ([`VisitSums`] each visit once, whoever brings it), and a
+//! [`PhasorTable`] many states that share their times; a [`Periodogram`] shows how strong each rhythm is;
 //! [`strongest`] selects the few rhythms that a model of order l keeps, and [`Rhythms`] is p(t).
 //! A state that was sampled at a steady rate is a [`UniformSpectrum`]: a few rhythms and an
 //! [`OutlierSet`], from which every sample can be given back; a [`UniformLearner`] makes many of them.
@@ -13,7 +14,7 @@
 //!
 //! | form | learns from | state kept | costs | not for |
 //! |---|---|---|---|---|
-//! | [`UniformSpectrum`] | a steady rate, gaps marked | l triples of 5 bytes, outliers of 1-2 bytes a change | one FFT to learn, O(l) to ask | irregular times |
+//! | [`UniformSpectrum`] | a steady rate, gaps marked | l triples of 5 bytes, outliers of 1-2 bytes a change | one FFT to learn, O(l) a prediction | irregular times |
 //! | [`SpectralSums`] | any times, one at a time | 32 K bytes | O(K) to add, O(K l) a model | knowing which visits are in it |
 //! | [`VisitSums`] | the same, from several robots | 40 bytes a visit more | O(log n) more | whole maps |
 //! | [`PhasorTable`] | many states with shared times | 16 K bytes a time | additions only | changing times |
@@ -44,6 +45,7 @@ mod codec;
 mod least_squares;
 mod literal;
 mod outliers;
+mod periodogram;
 mod phasor;
 mod rhythms;
 mod select;
@@ -52,10 +54,12 @@ mod uniform;
 mod visits;
 
 pub use candidates::CandidatePeriods;
+pub(crate) use codec::{Reader, Writer};
 pub(crate) use least_squares::Cholesky;
 pub use least_squares::HarmonicRegression;
 pub use literal::{Balance, LiteralFremen};
 pub use outliers::OutlierSet;
+pub use periodogram::{Periodogram, PeriodogramLine};
 pub use rhythms::{Component, Rhythms};
 pub use select::{NEGLIGIBLE_AMPLITUDE, strongest};
 pub use sums::{MAX_OBSERVATIONS, P_UNKNOWN, PhasorTable, SpectralSums};

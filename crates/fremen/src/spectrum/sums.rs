@@ -10,10 +10,11 @@
 
 use super::candidates::CandidatePeriods;
 use super::codec::{Reader, Writer};
+use super::periodogram::{Periodogram, PeriodogramLine};
 use super::rhythms::Rhythms;
 use super::select::strongest;
 use crate::error::{Error, ErrorKind, Result};
-use crate::time::{Period, Time};
+use crate::time::Time;
 
 /// One, in the fixed point of the sums.
 const ONE: f64 = (1_u64 << 40) as f64;
@@ -329,14 +330,35 @@ impl SpectralSums {
         }
     }
 
+    /// The balanced coefficients `g_k = (S_k - mu W_k) / m`: all real parts, then all imaginary parts with
+    /// their sign turned.
+    fn coefficients(&self) -> Vec<f64> {
+        let mean = self.mean();
+        let scale = 1.0 / f64::from(self.num_observed.max(1));
+        (self.seen.iter().zip(&self.observed))
+            .map(|(&s, &w)| (from_fixed(s) - mean * from_fixed(w)) * scale)
+            .collect()
+    }
+
+    /// How far the state swings with each candidate period, and how far its sampling does; O(K).
+    pub fn periodogram(&self) -> Periodogram {
+        let count = self.candidates.len();
+        let coefficients = self.coefficients();
+        let scale = 1.0 / f64::from(self.num_observed.max(1));
+        let lines = (0..count).map(|k| PeriodogramLine {
+            period_s: self.candidates.period_s(k),
+            amplitude: 2.0 * coefficients[k].hypot(coefficients[count + k]),
+            window: scale
+                * from_fixed(self.observed[k]).hypot(from_fixed(self.observed[count + k])),
+        });
+        Periodogram::of_lines(lines.collect())
+    }
+
     /// p(t) with the `order` strongest rhythms.
     pub fn rhythms(&self, order: usize) -> Rhythms {
         let count = self.candidates.len();
         let mean = self.mean();
-        let scale = 1.0 / f64::from(self.num_observed.max(1));
-        let coefficients: Vec<_> = (self.seen.iter().zip(&self.observed))
-            .map(|(&s, &w)| (from_fixed(s) - mean * from_fixed(w)) * scale)
-            .collect();
+        let coefficients = self.coefficients();
         let (cos, sin) = coefficients.split_at(count);
         let mut powers: Vec<_> = cos.iter().zip(sin).map(|(c, s)| c * c + s * s).collect();
         let mut selected = vec![0; order.min(count)];
@@ -351,17 +373,7 @@ impl SpectralSums {
     /// Everything, as bytes with a checksum.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut writer = Writer::new(Self::TAG);
-        if let Some((base, count)) = self.candidates.as_harmonic() {
-            writer.byte(0);
-            writer.varint(base.as_us() as u64);
-            writer.varint(count as u64);
-        } else {
-            writer.byte(1);
-            writer.varint(self.candidates.len() as u64);
-            for period in self.candidates.as_list() {
-                writer.varint(period.as_us() as u64);
-            }
-        }
+        self.candidates.write(&mut writer);
         writer.varint(self.num_observed.into());
         writer.varint(self.num_seen.into());
         for &sum in self.seen.iter().chain(&self.observed) {
@@ -373,22 +385,7 @@ impl SpectralSums {
     /// What [`to_bytes`](Self::to_bytes) wrote; anything else is an error.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let mut reader = Reader::new(bytes, Self::TAG, "a set of spectral sums")?;
-        let period = |reader: &mut Reader<'_>| Period::from_us(reader.varint()? as i64);
-        let candidates = match reader.byte()? {
-            0 => {
-                let base = period(&mut reader)?;
-                CandidatePeriods::harmonic(base, reader.varint()? as usize)?
-            }
-            1 => {
-                let count = reader.varint()? as usize;
-                if count > reader.rest().len() {
-                    return Err(reader.impossible("more periods than bytes"));
-                }
-                let periods = (0..count).map(|_| period(&mut reader));
-                CandidatePeriods::list(periods.collect::<Result<_>>()?)?
-            }
-            _ => return Err(reader.impossible("no such kind of candidate periods")),
-        };
+        let candidates = CandidatePeriods::read(&mut reader)?;
         let mut sums = Self::new(candidates);
         let num_observed = reader.varint()?;
         let num_seen = reader.varint()?;
@@ -415,6 +412,7 @@ impl SpectralSums {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::time::Period;
 
     #[test]
     fn fixed_point_rounds_to_nearest() {

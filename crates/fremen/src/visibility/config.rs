@@ -471,7 +471,7 @@ impl VisibilityConfig {
         Self::fremen(CandidatePeriods::MONTHS, Order::Fixed(1))
     }
 
-    /// Preset `default`: the two strongest of the [natural](CandidatePeriods::natural) rhythms that fit into
+    /// Preset `default`: the two strongest rhythms of the [calendar](CandidatePeriods::calendar) that fit into
     /// the span of the visits and that the place as a whole follows, not by chance. One cycle is enough
     /// to be looked at, since a year of visits is what outdoor maps begin with.
     pub fn rhythms() -> Self {
@@ -480,7 +480,7 @@ impl VisibilityConfig {
             min_gaps: 0.0,
             min_sigmas: 3.0,
         };
-        Self::fremen(CandidatePeriods::natural(), Order::Fixed(2)).with_guards(Some(guards))
+        Self::fremen(CandidatePeriods::calendar(), Order::Fixed(2)).with_guards(Some(guards))
     }
 
     /// Mean and the natural rhythms (year, week, day and their harmonics) that whole held-out days bear

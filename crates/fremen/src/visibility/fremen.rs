@@ -15,10 +15,13 @@
 
 use super::VisibilityModel;
 use super::chance;
+use super::codec;
 use super::config::{Guards, HeldOut, Order, Split};
 use super::evidence::{Counts, Evidence};
 use crate::error::Result;
-use crate::spectrum::{Balance, CandidatePeriods, Component, PhasorTable, from_fixed, strongest};
+use crate::spectrum::{
+    Balance, CandidatePeriods, Component, PhasorTable, Reader, Writer, from_fixed, strongest,
+};
 use crate::time::Time;
 
 /// The sums of one block of features stay within this.
@@ -83,6 +86,34 @@ impl Fremen {
     /// `slot * num_features + f`.
     pub fn to_parts(&self) -> (&[f64], &[u16], &[(f64, f64)]) {
         (&self.mean, &self.candidate, &self.terms)
+    }
+
+    /// Unused components are written too: their terms are 0.
+    pub(super) fn write(&self, writer: &mut Writer) {
+        self.candidates.write(writer);
+        writer.varint(self.order as u64);
+        writer.varint(self.mean.len() as u64);
+        writer.floats(self.mean.iter().copied());
+        for &candidate in &self.candidate {
+            writer.u16(candidate);
+        }
+        writer.floats(self.terms.iter().flat_map(|&(cos, sin)| [cos, sin]));
+    }
+
+    pub(super) fn read(reader: &mut Reader<'_>) -> Result<Self> {
+        let candidates = CandidatePeriods::read(reader)?;
+        let order = usize::try_from(reader.varint()?).unwrap_or(usize::MAX);
+        let num_features = reader.count(8)?;
+        let mean = reader.floats(num_features)?;
+        let num_slots = order.saturating_mul(num_features);
+        let candidate = reader.u16s(num_slots)?;
+        let terms = reader.floats(num_slots.saturating_mul(2))?;
+        let terms = terms
+            .chunks_exact(2)
+            .map(|pair| (pair[0], pair[1]))
+            .collect();
+        Self::from_parts(candidates, order, mean, candidate, terms)
+            .ok_or_else(|| reader.impossible("parts of a model do not fit each other"))
     }
 
     /// The rhythms it was fitted with.
@@ -180,6 +211,12 @@ impl VisibilityModel for Fremen {
 
     fn level(&self, feature: usize) -> Option<f64> {
         Some(self.mean[feature])
+    }
+
+    fn encode(&self) -> Option<Vec<u8>> {
+        Some(codec::encode(codec::Kind::Fremen, |writer| {
+            self.write(writer);
+        }))
     }
 
     fn as_fremen(&self) -> Option<&Fremen> {

@@ -4,8 +4,10 @@
 //! and mu the feature's own mean. Cycles count from the Unix epoch in UTC (a week starts on Thursday).
 
 use super::VisibilityModel;
+use super::codec;
 use super::evidence::Evidence;
-use crate::spectrum::P_UNKNOWN;
+use crate::error::Result;
+use crate::spectrum::{P_UNKNOWN, Reader, Writer};
 use crate::time::{Period, Time};
 
 /// A share for every part of one cycle; `8 B` bytes a feature for B parts, O(F) a prediction.
@@ -63,6 +65,32 @@ pub(super) fn fit(
     }
 }
 
+impl Histogram {
+    fn write(&self, writer: &mut Writer) {
+        writer.varint(self.period.as_us() as u64);
+        writer.varint(self.num_features as u64);
+        writer.varint(self.num_bins as u64);
+        writer.floats(self.p.iter().copied());
+    }
+
+    pub(super) fn read(reader: &mut Reader<'_>) -> Result<Self> {
+        let period = Period::from_us(reader.varint()? as i64)?;
+        // A place without features still has parts.
+        let num_features = reader.count(0)?;
+        let num_bins = reader.count(0)?;
+        let p = reader.floats(num_bins.saturating_mul(num_features))?;
+        if num_bins == 0 || !p.iter().all(|p| (0.0..=1.0).contains(p)) {
+            return Err(reader.impossible("this is no histogram"));
+        }
+        Ok(Self {
+            period,
+            num_features,
+            num_bins,
+            p,
+        })
+    }
+}
+
 impl VisibilityModel for Histogram {
     fn num_features(&self) -> usize {
         self.num_features
@@ -71,6 +99,12 @@ impl VisibilityModel for Histogram {
     fn predict_into(&self, time: Time, out: &mut [f64]) {
         let first = bin(time, self.period, self.num_bins) * self.num_features;
         out.copy_from_slice(&self.p[first..first + self.num_features]);
+    }
+
+    fn encode(&self) -> Option<Vec<u8>> {
+        Some(codec::encode(codec::Kind::Histogram, |writer| {
+            self.write(writer);
+        }))
     }
 
     fn predict_one(&self, feature: usize, time: Time) -> f64 {

@@ -9,11 +9,12 @@
 //! Learning: Newton steps, O(visits x coefficients^2) each, about six a feature. Not for maps
 //! that are refitted at every visit; least squares costs a hundredth.
 
+use super::codec;
 use super::evidence::Evidence;
 use super::shared_rhythms::SharedRhythms;
 use super::{Fremen, VisibilityModel};
 use crate::error::Result;
-use crate::spectrum::{Cholesky, Component};
+use crate::spectrum::{Cholesky, Component, Reader, Writer};
 use crate::time::Time;
 
 /// Features from which the priors are learnt.
@@ -204,6 +205,17 @@ impl Design {
     }
 }
 
+impl Logistic {
+    fn write(&self, writer: &mut Writer) {
+        self.log_odds.write(writer);
+    }
+
+    pub(super) fn read(reader: &mut Reader<'_>) -> Result<Self> {
+        let log_odds = Fremen::read(reader)?;
+        Ok(Self { log_odds })
+    }
+}
+
 impl VisibilityModel for Logistic {
     fn num_features(&self) -> usize {
         self.log_odds.num_features()
@@ -222,6 +234,12 @@ impl VisibilityModel for Logistic {
 
     fn order(&self) -> usize {
         self.log_odds.order()
+    }
+
+    fn encode(&self) -> Option<Vec<u8>> {
+        Some(codec::encode(codec::Kind::Logistic, |writer| {
+            self.write(writer);
+        }))
     }
 
     /// Amplitudes are in log odds.

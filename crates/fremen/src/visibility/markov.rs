@@ -9,8 +9,10 @@
 //! used. Changes between observations at the same time have no rate and are left out.
 
 use super::VisibilityModel;
+use super::codec;
 use super::evidence::Evidence;
-use crate::spectrum::P_UNKNOWN;
+use crate::error::Result;
+use crate::spectrum::{P_UNKNOWN, Reader, Writer};
 use crate::time::Time;
 
 /// Short-term memory; 40 bytes a feature, one exponential a prediction.
@@ -99,6 +101,36 @@ pub(super) fn fit(evidence: &Evidence<'_>) -> Markov {
     Markov { features }
 }
 
+impl Markov {
+    fn write(&self, writer: &mut Writer) {
+        writer.varint(self.features.len() as u64);
+        for chain in &self.features {
+            writer.signed(chain.last_time.as_us());
+            writer.floats([chain.last_state, chain.appear_per_s, chain.vanish_per_s]);
+        }
+    }
+
+    pub(super) fn read(reader: &mut Reader<'_>) -> Result<Self> {
+        let count = reader.count(25)?;
+        let mut features = Vec::with_capacity(count);
+        for _ in 0..count {
+            let last_time = Time::from_us(reader.signed()?);
+            let numbers = reader.floats(3)?;
+            let [last_state, appear_per_s, vanish_per_s] = [numbers[0], numbers[1], numbers[2]];
+            if !(0.0..=1.0).contains(&last_state) || appear_per_s < 0.0 || vanish_per_s < 0.0 {
+                return Err(reader.impossible("this is no chain of states"));
+            }
+            features.push(Chain {
+                last_state,
+                last_time,
+                appear_per_s,
+                vanish_per_s,
+            });
+        }
+        Ok(Self { features })
+    }
+}
+
 impl VisibilityModel for Markov {
     fn num_features(&self) -> usize {
         self.features.len()
@@ -109,6 +141,12 @@ impl VisibilityModel for Markov {
         for (p, chain) in out.iter_mut().zip(&self.features) {
             *p = chain.p(time);
         }
+    }
+
+    fn encode(&self) -> Option<Vec<u8>> {
+        Some(codec::encode(codec::Kind::Markov, |writer| {
+            self.write(writer);
+        }))
     }
 
     fn predict_one(&self, feature: usize, time: Time) -> f64 {

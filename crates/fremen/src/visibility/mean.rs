@@ -3,7 +3,10 @@
 //! `p(t) = seen / observed`, the long-term memory of RAS 4.3.1 and FreMEn of order 0.
 
 use super::VisibilityModel;
+use super::codec;
 use super::evidence::Evidence;
+use crate::error::Result;
+use crate::spectrum::{Reader, Writer};
 use crate::time::Time;
 
 /// The long-term mean; 8 bytes a feature, O(1) a prediction.
@@ -19,6 +22,17 @@ impl Mean {
     pub fn from_probabilities(p: Vec<f64>) -> Option<Self> {
         let fits = p.iter().all(|p| (0.0..=1.0).contains(p));
         fits.then_some(Self { p })
+    }
+
+    fn write(&self, writer: &mut Writer) {
+        writer.varint(self.p.len() as u64);
+        writer.floats(self.p.iter().copied());
+    }
+
+    pub(super) fn read(reader: &mut Reader<'_>) -> Result<Self> {
+        let count = reader.count(8)?;
+        Self::from_probabilities(reader.floats(count)?)
+            .ok_or_else(|| reader.impossible("a probability is outside of [0, 1]"))
     }
 
     /// p of each feature.
@@ -45,6 +59,12 @@ impl VisibilityModel for Mean {
 
     fn predict_one(&self, feature: usize, _: Time) -> f64 {
         self.p[feature]
+    }
+
+    fn encode(&self) -> Option<Vec<u8>> {
+        Some(codec::encode(codec::Kind::Mean, |writer| {
+            self.write(writer);
+        }))
     }
 
     fn as_mean(&self) -> Option<&Mean> {

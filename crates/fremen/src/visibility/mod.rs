@@ -60,6 +60,7 @@
 //! Times may come in any order and be equal, negative or far. Candidates may be more than visits.
 
 mod chance;
+mod codec;
 mod config;
 mod evidence;
 mod fit;
@@ -75,6 +76,7 @@ mod pergam;
 mod persistent;
 mod shared_rhythms;
 
+pub use codec::decode;
 pub use config::{BeforeBirth, Guards, HeldOut, ModelConfig, Order, Split, VisibilityConfig};
 pub use fit::{Visits, fit};
 pub use fremen::Fremen;

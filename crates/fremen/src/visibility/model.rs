@@ -1,4 +1,4 @@
-//! What can be asked of every model of visibility?
+//! What can every model of visibility do?
 
 use std::fmt::Debug;
 
@@ -54,6 +54,12 @@ pub trait VisibilityModel: Debug + Send + Sync {
     fn components(&self, feature: usize) -> Vec<Component> {
         assert!(feature < self.num_features(), "no feature {feature}");
         Vec::new()
+    }
+
+    /// The model as bytes, from which [`decode`](super::decode) makes one that predicts the same bits.
+    /// `None` if this kind of model has no such form; every model of this crate has one.
+    fn encode(&self) -> Option<Vec<u8>> {
+        None
     }
 
     /// The model itself, if it is a level and rhythms and nothing else: one of two that are kept in files.

@@ -10,8 +10,11 @@
 //! without observations has the feature's mean.
 
 use super::VisibilityModel;
+use super::codec;
 use super::evidence::Evidence;
 use super::histogram::bin;
+use crate::error::Result;
+use crate::spectrum::{Reader, Writer};
 use crate::time::{Period, Time};
 
 /// Steps of expectation maximisation at most.
@@ -152,6 +155,38 @@ fn mixture(profile: &[f64], order: usize) -> Vec<Gaussian> {
 }
 
 impl Pergam {
+    fn write(&self, writer: &mut Writer) {
+        writer.varint(self.period.as_us() as u64);
+        writer.varint(self.order as u64);
+        writer.varint(self.gaussians.len() as u64);
+        for gaussian in &self.gaussians {
+            writer.floats([gaussian.height, gaussian.mean, gaussian.sigma]);
+        }
+    }
+
+    pub(super) fn read(reader: &mut Reader<'_>) -> Result<Self> {
+        let period = Period::from_us(reader.varint()? as i64)?;
+        let order = usize::try_from(reader.varint()?).unwrap_or(0);
+        let count = reader.count(24)?;
+        let numbers = reader.floats(3 * count)?;
+        let gaussians: Vec<Gaussian> = (numbers.chunks_exact(3))
+            .map(|it| Gaussian {
+                height: it[0],
+                mean: it[1],
+                sigma: it[2],
+            })
+            .collect();
+        let is_sound = |it: &Gaussian| it.height >= 0.0 && it.sigma > 0.0;
+        if order == 0 || count % order != 0 || !gaussians.iter().all(is_sound) {
+            return Err(reader.impossible("these are no Gaussians"));
+        }
+        Ok(Self {
+            period,
+            order,
+            gaussians,
+        })
+    }
+
     fn p(gaussians: &[Gaussian], phase: f64) -> f64 {
         let p: f64 = gaussians.iter().map(|gaussian| gaussian.at(phase)).sum();
         p.clamp(0.0, 1.0)
@@ -169,6 +204,12 @@ impl VisibilityModel for Pergam {
         for (p, gaussians) in out.iter_mut().zip(self.gaussians.chunks_exact(self.order)) {
             *p = Self::p(gaussians, phase);
         }
+    }
+
+    fn encode(&self) -> Option<Vec<u8>> {
+        Some(codec::encode(codec::Kind::Pergam, |writer| {
+            self.write(writer);
+        }))
     }
 
     fn predict_one(&self, feature: usize, time: Time) -> f64 {

@@ -9,9 +9,11 @@
 //! and are left out; before the last observation the distance in time counts.
 
 use super::VisibilityModel;
+use super::codec;
 use super::evidence::Evidence;
 use super::markov::for_each_step;
-use crate::spectrum::Component;
+use crate::error::Result;
+use crate::spectrum::{Component, Reader};
 use crate::time::Time;
 
 /// Persistence round another model; 24 bytes a feature and one exponential more than that model.
@@ -66,6 +68,33 @@ pub(super) fn fit(evidence: &Evidence<'_>, of: Box<dyn VisibilityModel>) -> Pers
 }
 
 impl Persistent {
+    pub(super) fn read(reader: &mut Reader<'_>, depth: usize) -> Result<Self> {
+        let of = codec::decode_nested(reader.bytes()?, depth)?;
+        let count = reader.count(1)?;
+        if count != of.num_features() {
+            return Err(reader.impossible("features and those of the long term differ"));
+        }
+        let features = (0..count)
+            .map(|_| {
+                if reader.byte()? == 0 {
+                    return Ok(None);
+                }
+                let last_time = Time::from_us(reader.signed()?);
+                let numbers = reader.floats(2)?;
+                let [last_state, changes_per_s] = [numbers[0], numbers[1]];
+                if !(0.0..=1.0).contains(&last_state) || changes_per_s < 0.0 {
+                    return Err(reader.impossible("this is no memory of a state"));
+                }
+                Ok(Some(Memory {
+                    last_state,
+                    last_time,
+                    changes_per_s,
+                }))
+            })
+            .collect::<Result<_>>()?;
+        Ok(Self { of, features })
+    }
+
     /// The mean time between changes of a feature; infinite if it never changed or was never observed.
     ///
     /// # Panics
@@ -94,6 +123,22 @@ impl VisibilityModel for Persistent {
 
     fn order(&self) -> usize {
         self.of.order()
+    }
+
+    /// `None` if the model of the long term has no such form.
+    fn encode(&self) -> Option<Vec<u8>> {
+        let of = self.of.encode()?;
+        Some(codec::encode(codec::Kind::Persistent, |writer| {
+            writer.bytes(&of);
+            writer.varint(self.features.len() as u64);
+            for memory in &self.features {
+                writer.byte(u8::from(memory.is_some()));
+                if let Some(memory) = memory {
+                    writer.signed(memory.last_time.as_us());
+                    writer.floats([memory.last_state, memory.changes_per_s]);
+                }
+            }
+        }))
     }
 
     fn components(&self, feature: usize) -> Vec<Component> {

@@ -2,7 +2,9 @@
 
 #![allow(clippy::expect_used, reason = "a broken fixture ends the test")]
 
-use fremen::visibility::{BitRow, HistoryLog, VisibilityConfig, VisibilityModel, Visits, fit};
+use fremen::visibility::{
+    BitRow, HistoryLog, VisibilityConfig, VisibilityModel, Visits, decode, fit,
+};
 use fremen::{ErrorKind, Time};
 use serde::Deserialize;
 
@@ -258,5 +260,83 @@ fn configs_give_back_their_text_and_refuse_nonsense() {
     ] {
         let error = VisibilityConfig::from_toml(text).expect_err(text);
         assert_eq!(error.kind(), ErrorKind::Config, "{text}");
+    }
+}
+
+#[test]
+fn every_model_comes_back_from_its_bytes_bit_for_bit() {
+    let suite = suite();
+    let mut num_models = 0;
+    for log in &suite.log {
+        let history = history(&log.rows(), 0);
+        for model in &suite.model {
+            let what = format!("{} on {}", model.name, log.name);
+            let fitted = fit(&history, &model.config, Visits::All).expect("all visits");
+            let bytes = fitted.encode().expect("every model here has bytes");
+            let decoded = decode(&bytes).expect("own bytes");
+            assert_eq!(decoded.encode().as_ref(), Some(&bytes), "{what}");
+            assert_eq!(decoded.num_features(), fitted.num_features(), "{what}");
+            assert_eq!(decoded.order(), fitted.order(), "{what}");
+            for hour in [-1_000_003, -7, 0, 5, 11, 100_000] {
+                let time = Time::from_us(hour * HOUR_US);
+                assert_eq!(
+                    all_at(&*decoded, time),
+                    all_at(&*fitted, time),
+                    "{what} at hour {hour}"
+                );
+            }
+            for feature in 0..fitted.num_features() {
+                assert_eq!(decoded.level(feature), fitted.level(feature), "{what}");
+                assert_eq!(decoded.components(feature), fitted.components(feature));
+            }
+            num_models += 1;
+        }
+    }
+    assert!(num_models > 100, "only {num_models} models were fitted");
+}
+
+/// Damage is named by the checksum; behind a right checksum, any bytes are a model or an error.
+#[test]
+fn bytes_that_are_no_model_are_refused() {
+    let suite = suite();
+    for model in &suite.model {
+        let history = history(&suite.log[0].rows(), 0);
+        let fitted = fit(&history, &model.config, Visits::All).expect("all visits");
+        let bytes = fitted.encode().expect("every model here has bytes");
+        for at in 0..bytes.len() {
+            assert!(decode(&bytes[..at]).is_err(), "{} cut at {at}", model.name);
+            let mut flipped = bytes.clone();
+            flipped[at] ^= 0x41;
+            let error = decode(&flipped).expect_err(&model.name);
+            assert!(matches!(
+                error.kind(),
+                ErrorKind::Checksum | ErrorKind::Format
+            ));
+            // The same with a checksum that fits: whatever it is, it predicts or is refused.
+            let body = bytes.len() - 4;
+            if at < body {
+                let crc = crc32fast::hash(&flipped[..body]);
+                flipped[body..].copy_from_slice(&crc.to_le_bytes());
+                if let Ok(model) = decode(&flipped) {
+                    let p = all_at(&*model, Time::from_s(12_345));
+                    assert!(p.iter().all(|p| (0.0..=1.0).contains(p)), "{p:?}");
+                }
+            }
+        }
+    }
+    assert_eq!(decode(&[]).expect_err("empty").kind(), ErrorKind::Format);
+}
+
+/// Thousands of models round each other would overflow the stack.
+#[test]
+fn models_round_models_are_bounded() {
+    let history = history(&[(0, "1"), (1, "0")], 0);
+    let mut config = "model = { kind = 'mean' }".to_owned();
+    for depth in 0..20 {
+        config = config.replacen("model = ", "model = { kind = 'persistent', of = ", 1) + " }";
+        let cfg = VisibilityConfig::from_toml(&config).expect("a model");
+        let fitted = fit(&history, &cfg, Visits::All).expect("all visits");
+        let bytes = fitted.encode().expect("persistent round a mean");
+        assert_eq!(decode(&bytes).is_ok(), depth < 8, "depth {depth}");
     }
 }

@@ -118,6 +118,7 @@ pub mod localize;
 pub mod map;
 pub mod matching;
 pub mod predict;
+pub mod robot;
 pub mod simd;
 pub mod trace;
 

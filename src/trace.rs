@@ -144,12 +144,17 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// A stage that began at `start` and ends now.
-    pub fn since(name: &'static str, start: std::time::Instant) -> Self {
+    /// A stage that took this long.
+    pub fn new(name: &'static str, took: std::time::Duration) -> Self {
         Self {
             name: Cow::Borrowed(name),
-            ms: start.elapsed().as_secs_f64() * 1e3,
+            ms: took.as_secs_f64() * 1e3,
         }
+    }
+
+    /// A stage that began at `start` and ends now.
+    pub fn since(name: &'static str, start: std::time::Instant) -> Self {
+        Self::new(name, start.elapsed())
     }
 }
 
@@ -170,7 +175,7 @@ impl Jpeg {
             )
             .map_err(|error| {
                 Error::new(
-                    ErrorKind::Image,
+                    ErrorKind::Format,
                     format!("no JPEG can be made of it: {error}"),
                 )
             })?;

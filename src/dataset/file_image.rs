@@ -75,7 +75,7 @@ impl FileImage {
     pub(super) fn picture_size(path: &Path) -> Result<(u32, u32)> {
         let unreadable = |cause: image::ImageError| {
             Error::new(
-                ErrorKind::Image,
+                ErrorKind::Format,
                 format!("this is no readable image: {cause}"),
             )
             .with_path(path)

@@ -299,7 +299,7 @@ impl Manifest {
             names.push(manifest.name);
         }
         Err(Error::new(
-            ErrorKind::Config,
+            ErrorKind::NotFound,
             format!("no supported dataset is called `{name}`"),
         )
         .with_help(format!(
@@ -329,7 +329,7 @@ impl Manifest {
         if !meta.is_dir() {
             if path.extension().is_none_or(|extension| extension != "toml") {
                 return Err(Error::new(
-                    ErrorKind::Config,
+                    ErrorKind::Format,
                     "this is neither a folder nor a manifest (*.toml)",
                 )
                 .with_path(path)

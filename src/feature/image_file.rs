@@ -14,7 +14,7 @@
 //!
 //! Limits ([`DecodeLimits`]) are checked against the header before any pixel is decoded, so that a
 //! small file cannot claim gigabytes. Files that end early, claim no pixels, are empty or are no images
-//! are [`ErrorKind::Image`] errors that name the file; files that cannot be read are
+//! are [`ErrorKind::Format`] errors that name the file; files that cannot be read are
 //! [`ErrorKind::Io`] errors.
 //!
 //! [`exif_time`] reads the moment of capture as text. It is text because pixels know nothing of time
@@ -70,13 +70,13 @@ impl DecodeLimits {
     fn check(&self, width: u64, height: u64) -> Result<()> {
         if width == 0 || height == 0 {
             return Err(Error::new(
-                ErrorKind::Image,
+                ErrorKind::Format,
                 format!("the image has no pixels ({width} x {height})"),
             ));
         }
         if width.saturating_mul(height) > self.max_pixels {
             return Err(Error::new(
-                ErrorKind::Image,
+                ErrorKind::Format,
                 format!(
                     "{width} x {height} px are more than the limit of {} pixels",
                     self.max_pixels
@@ -245,16 +245,16 @@ pub fn mask_from_rects(width: usize, height: usize, ignored: &[Rect]) -> Result<
 
 /// The bytes of a file that is not above the limit.
 fn read_file(path: &Path, limits: &DecodeLimits) -> Result<Vec<u8>> {
-    let fail = |cause: &io::Error| {
+    let fail = |cause: io::Error| {
         let error = Error::io(path, cause);
-        if cause.kind() == io::ErrorKind::NotFound {
+        if error.kind() == ErrorKind::NotFound {
             error.with_help("check the path; an index's paths are relative to its folder")
         } else {
             error
         }
     };
-    let file = fs::File::open(path).map_err(|cause| fail(&cause))?;
-    let metadata = file.metadata().map_err(|cause| fail(&cause))?;
+    let file = fs::File::open(path).map_err(fail)?;
+    let metadata = file.metadata().map_err(fail)?;
     if metadata.is_dir() {
         return Err(Error::new(ErrorKind::Io, "is a folder, not an image"));
     }
@@ -262,10 +262,10 @@ fn read_file(path: &Path, limits: &DecodeLimits) -> Result<Vec<u8>> {
     // The size may be unknown (a pipe) or change while reading: the limit holds all the same.
     file.take(limits.max_file_bytes.saturating_add(1))
         .read_to_end(&mut bytes)
-        .map_err(|cause| fail(&cause))?;
+        .map_err(fail)?;
     if bytes.len() as u64 > limits.max_file_bytes {
         return Err(Error::new(
-            ErrorKind::Image,
+            ErrorKind::Format,
             format!(
                 "the file is above the limit of {} bytes",
                 limits.max_file_bytes
@@ -280,15 +280,15 @@ fn read_file(path: &Path, limits: &DecodeLimits) -> Result<Vec<u8>> {
 pub fn decode_gray(bytes: &[u8], limits: &DecodeLimits) -> Result<GrayImage> {
     if bytes.is_empty() {
         return Err(
-            Error::new(ErrorKind::Image, "the file is empty").with_help("copy or record it again")
+            Error::new(ErrorKind::Format, "the file is empty").with_help("copy or record it again")
         );
     }
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
-        .map_err(|cause| Error::new(ErrorKind::Image, cause.to_string()))?;
+        .map_err(|cause| Error::new(ErrorKind::Format, cause.to_string()))?;
     if reader.format().is_none() {
         return Err(
-            Error::new(ErrorKind::Image, "not an image of a known format")
+            Error::new(ErrorKind::Format, "not an image of a known format")
                 .with_help("supported are BMP, JPEG, PNG, PNM, TIFF and WebP"),
         );
     }
@@ -309,7 +309,7 @@ pub fn decode_gray(bytes: &[u8], limits: &DecodeLimits) -> Result<GrayImage> {
 }
 
 fn truncated() -> Error {
-    Error::new(ErrorKind::Image, "the image ends early (truncated)")
+    Error::new(ErrorKind::Format, "the image ends early (truncated)")
         .with_help("copy or record it again")
 }
 
@@ -317,13 +317,13 @@ fn image_error(cause: &ImageError) -> Error {
     match cause {
         ImageError::IoError(io) if io.kind() == io::ErrorKind::UnexpectedEof => truncated(),
         ImageError::Limits(_) => Error::new(
-            ErrorKind::Image,
+            ErrorKind::Format,
             format!("the image needs more memory than the limit allows: {cause}"),
         )
         .with_help("shrink the image, or raise the decoding limit if you trust the file"),
-        ImageError::Unsupported(_) => Error::new(ErrorKind::Image, cause.to_string())
+        ImageError::Unsupported(_) => Error::new(ErrorKind::Format, cause.to_string())
             .with_help("convert it to 8- or 16-bit grey or RGB PNG"),
-        _ => Error::new(ErrorKind::Image, format!("the image is damaged: {cause}"))
+        _ => Error::new(ErrorKind::Format, format!("the image is damaged: {cause}"))
             .with_help("copy or record it again"),
     }
 }
@@ -365,7 +365,7 @@ fn to_gray(image: DynamicImage) -> Result<Vec<u8>> {
         DynamicImage::ImageRgba16(image) => narrow::<4>(&high(&image)),
         _ => {
             return Err(
-                Error::new(ErrorKind::Image, "floating-point pixels are not supported")
+                Error::new(ErrorKind::Format, "floating-point pixels are not supported")
                     .with_help("convert it to 8- or 16-bit grey or RGB"),
             );
         }

@@ -145,7 +145,7 @@ fn to_gray(pixels: &Mat) -> Result<GrayImage> {
         opencv::core::CV_8UC3 => gray_from_bgr(bytes),
         other => {
             return Err(Error::new(
-                ErrorKind::Image,
+                ErrorKind::Format,
                 format!("frames of OpenCV type {other} are not supported"),
             )
             .with_help("set the camera to 8-bit colour or grey"));
@@ -155,5 +155,5 @@ fn to_gray(pixels: &Mat) -> Result<GrayImage> {
 }
 
 fn opencv_error(cause: &opencv::Error) -> Error {
-    Error::new(ErrorKind::Image, format!("OpenCV: {}", cause.message))
+    Error::new(ErrorKind::Format, format!("OpenCV: {}", cause.message))
 }

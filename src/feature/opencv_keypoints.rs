@@ -123,13 +123,13 @@ impl Extractor for CornerBrief {
         }
         if i32::try_from(width.max(height)).is_err() {
             return Err(Error::new(
-                ErrorKind::Image,
+                ErrorKind::Format,
                 "the image is too big for OpenCV",
             ));
         }
         let (mut keypoints, num_features) = self
             .corners(image, mask)
-            .map_err(|cause| Error::new(ErrorKind::Image, format!("OpenCV: {}", cause.message)))?;
+            .map_err(|cause| Error::new(ErrorKind::Format, format!("OpenCV: {}", cause.message)))?;
         drop_masked(&mut keypoints, mask);
         keypoints.retain(|keypoint| brief::is_describable(keypoint, width, height));
         sort_keypoints(&mut keypoints);

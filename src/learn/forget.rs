@@ -17,7 +17,7 @@ use fremen::error::{Error, ErrorKind, Result};
 
 /// The map without the visits of `session`, and how many these were (with those held).
 ///
-/// Places stay, even without visits, so that edges and poses do. Fails with [`ErrorKind::Config`] if the map has no such
+/// Places stay, even without visits, so that edges and poses do. Fails with [`ErrorKind::NotFound`] if the map has no such
 /// session.
 pub fn forget_session(map: &Snapshot, session: SessionId) -> Result<(Snapshot, usize)> {
     let mut forgotten = map.clone();
@@ -35,7 +35,7 @@ pub fn forget_session(map: &Snapshot, session: SessionId) -> Result<(Snapshot, u
     }
     if num_forgotten == 0 {
         return Err(Error::new(
-            ErrorKind::Config,
+            ErrorKind::NotFound,
             format!("the map has no visits of session {session}"),
         )
         .with_help("`chronotope map inspect --json` lists the sessions"));

@@ -97,7 +97,7 @@ impl Learner {
     /// Learns one visit, or holds it if it is doubtful ([`GuardConfig`]).
     ///
     /// Fails, and changes nothing, with [`ErrorKind::Shape`] if the image or its mask has another size
-    /// than the map's images, with [`ErrorKind::Config`] if the very same visit was learnt before, and with
+    /// than the map's images, with [`ErrorKind::AlreadyExists`] if the very same visit was learnt before, and with
     /// [`ErrorKind::Time`] if its time cannot be right and [`ClockPolicy::Refuse`] is set.
     pub fn observe(&mut self, observation: &Observation<'_>) -> Result<Learnt> {
         self.observe_under(observation, &Circumstances::default())
@@ -142,7 +142,7 @@ impl Learner {
 
     /// Learns a visit that is held, without judging it again.
     ///
-    /// Fails, and changes nothing, with [`ErrorKind::Config`] if no such visit is held or the map has learnt it
+    /// Fails, and changes nothing, with [`ErrorKind::NotFound`] if no such visit is held, with [`ErrorKind::AlreadyExists`] if the map has learnt it
     /// meanwhile, with [`ErrorKind::Shape`] if the map's images have another size by now, and with
     /// [`ErrorKind::Format`] if its mask does not fit its image.
     pub fn accept(&mut self, id: VisitId) -> Result<Learnt> {
@@ -185,7 +185,7 @@ impl Learner {
         let mut learnt = self.snapshot.nodes.iter().flat_map(|node| &node.visits);
         if learnt.any(|visit| visit.id == held.id) {
             return Err(Error::new(
-                ErrorKind::Config,
+                ErrorKind::AlreadyExists,
                 format!("the map has learnt the visit {} before", held.id),
             )
             .with_help("drop it with `chronotope map drop`"));
@@ -196,7 +196,7 @@ impl Learner {
 
     /// Drops a visit that is held.
     ///
-    /// Fails with [`ErrorKind::Config`] if no such visit is held.
+    /// Fails with [`ErrorKind::NotFound`] if no such visit is held.
     pub fn reject(&mut self, id: VisitId) -> Result<()> {
         self.take_held(id).map(drop)
     }
@@ -204,7 +204,7 @@ impl Learner {
     fn take_held(&mut self, id: VisitId) -> Result<HeldVisit> {
         self.held_has_changed = true;
         self.held.take(id).ok_or_else(|| {
-            Error::new(ErrorKind::Config, format!("no visit {id} is held"))
+            Error::new(ErrorKind::NotFound, format!("no visit {id} is held"))
                 .with_help("`chronotope map held` lists them")
         })
     }
@@ -467,7 +467,7 @@ impl Learner {
             .is_some_and(|node| self.snapshot.node(node).visits.iter().any(|v| v.id == id));
         if known {
             return Err(Error::new(
-                ErrorKind::Config,
+                ErrorKind::AlreadyExists,
                 format!(
                     "place `{}` has learnt this visit at {} before",
                     observation.place, observation.time

@@ -107,7 +107,7 @@ pub fn merge(maps: &[&Snapshot]) -> Result<Snapshot> {
 /// Learns all visits of a map again, in order of time and identity, from their own features.
 ///
 /// The result is a function of the set of visits and the configuration; what is held stays held. Masks are not kept
-/// with a visit that was learnt: what one hid counts as not seen here. [`ErrorKind::Config`] if a visit's features were not kept.
+/// with a visit that was learnt: what one hid counts as not seen here. [`ErrorKind::NotFound`] if a visit's features were not kept.
 pub fn relearn(cfg: LearnConfig, map: &Snapshot) -> Result<Snapshot> {
     let mut visits: Vec<(&Node, &Visit)> = (map.nodes.iter())
         .flat_map(|node| node.visits.iter().map(move |visit| (&**node, visit)))
@@ -121,7 +121,7 @@ pub fn relearn(cfg: LearnConfig, map: &Snapshot) -> Result<Snapshot> {
     for (node, visit) in &visits {
         let Some(features) = &visit.appearance else {
             return Err(Error::new(
-                ErrorKind::Config,
+                ErrorKind::NotFound,
                 format!("the features of the visit at {} were not kept", visit.time),
             )
             .with_place(format!("place `{}`", node.key))

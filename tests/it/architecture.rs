@@ -13,7 +13,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The rooms with their numbers: a room may name rooms with a smaller number only.
-const ROOMS: [(&str, u32); 10] = [
+const ROOMS: [(&str, u32); 11] = [
     // The crate of time, which names nothing of this one.
     ("fremen", 0),
     ("simd", 1),
@@ -24,6 +24,7 @@ const ROOMS: [(&str, u32); 10] = [
     ("localize", 6),
     ("trace", 7),
     ("learn", 7),
+    ("robot", 8),
     ("dataset", 8),
 ];
 

@@ -515,7 +515,7 @@ fn crop_turn_and_scale_follow_each_other() {
         &path,
         &LoadOptions::default().with_limits(small).with_scale(9.0),
     );
-    assert_eq!(error.expect_err("too big").kind(), ErrorKind::Image);
+    assert_eq!(error.expect_err("too big").kind(), ErrorKind::Format);
 }
 
 #[test]
@@ -548,16 +548,16 @@ fn complaint(path: &Path, kind: ErrorKind) -> String {
 fn files_that_are_no_images_say_so() {
     let folder = Folder::new();
     assert!(complaint(&folder.0.path().join("none.png"), ErrorKind::Io).contains("check the path"));
-    assert!(complaint(&folder.file("zero.jpg", b""), ErrorKind::Image).contains("empty"));
+    assert!(complaint(&folder.file("zero.jpg", b""), ErrorKind::Format).contains("empty"));
     let text = folder.file("text.png", b"place,time,path\n");
-    assert!(complaint(&text, ErrorKind::Image).contains("not an image"));
+    assert!(complaint(&text, ErrorKind::Format).contains("not an image"));
     assert_eq!(
         load(folder.0.path()).expect_err("a folder").kind(),
         ErrorKind::Io
     );
     let float = image::DynamicImage::from(image::Rgb32FImage::new(4, 4));
     let float = folder.encoded("float.tiff", &float);
-    assert!(complaint(&float, ErrorKind::Image).contains("floating-point"));
+    assert!(complaint(&float, ErrorKind::Format).contains("floating-point"));
     // A name does not make a format: the content decides.
     let png = std::fs::read(folder.encoded("a.png", &colour_picture(9, 9).into())).expect("reads");
     assert!(load(&folder.file("png.jpg", &png)).is_ok());
@@ -575,7 +575,7 @@ fn truncated_images_of_every_format_are_refused() {
                 &format!("cut_{share}_{name}"),
                 &bytes[..bytes.len() * share / 10],
             );
-            complaint(&cut, ErrorKind::Image);
+            complaint(&cut, ErrorKind::Format);
         }
     }
 }
@@ -597,15 +597,15 @@ fn png_header(width: u32, height: u32) -> Vec<u8> {
 fn headers_that_claim_too_much_or_nothing_are_refused_before_decoding() {
     let folder = Folder::new();
     let bomb = folder.file("bomb.png", &png_header(60_000, 60_000));
-    assert!(complaint(&bomb, ErrorKind::Image).contains("60000 x 60000"));
+    assert!(complaint(&bomb, ErrorKind::Format).contains("60000 x 60000"));
     for (width, height) in [(0, 0), (0, 5), (5, 0)] {
         complaint(
             &folder.file("nothing.png", &png_header(width, height)),
-            ErrorKind::Image,
+            ErrorKind::Format,
         );
     }
     let huge = folder.file("huge.pgm", b"P5\n4000000000 4000000000\n255\n");
-    complaint(&huge, ErrorKind::Image);
+    complaint(&huge, ErrorKind::Format);
     let fits = folder.encoded("fits.png", &colour_picture(50, 40).into());
     let limits = |limits| LoadOptions::default().with_limits(limits);
     let exact = limits(DecodeLimits::default().with_max_pixels(2_000));

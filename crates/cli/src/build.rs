@@ -12,7 +12,7 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
@@ -22,23 +22,20 @@ use super::config::Config;
 use super::new_map::{finish, part_of, refuse_existing};
 use super::output::Output;
 use super::progress::Progress;
-use super::student::{now, store};
 use super::{ConfigArgs, Outcome, held, interrupt, named, preset_of};
 use chronotope::dataset::{Clock, Dataset, Entry, Manifest, Problem};
 use chronotope::error::{Error, ErrorKind};
 use chronotope::feature::{Extractor, ExtractorConfig, Features, GrayImage, StarBriefConfig};
 use chronotope::learn::{
-    Circumstances, ClockPolicy, KeepAppearances, LearnConfig, Learner, Observation, Recipe,
+    Circumstances, ClockPolicy, KeepAppearances, LearnConfig, Observation, Recipe,
 };
 use chronotope::localize::Preset;
 use chronotope::map::{Map, MapMeta, PlaceKey, SessionId, Snapshot, derived_uuid};
+use chronotope::robot::OnlineLearner;
 use chronotope::time::Time;
 
 /// Images that each thread extracts before they are learnt.
 const IMAGES_PER_THREAD: usize = 8;
-/// Commits are this many times as far apart as the last one took, so that most of the time goes into
-/// learning.
-const COMMIT_SHARE: u32 = 20;
 
 /// Learn a map from images of known places and times.
 ///
@@ -154,8 +151,9 @@ pub(super) fn run(args: &BuildArgs, out: &mut Output) -> Result<Outcome> {
         &manifest,
         dataset,
         map,
+        args.commits.interval(),
     )?
-    .run(args.commits.interval(), out)
+    .run(out)
 }
 
 pub(super) fn update(args: &UpdateArgs, out: &mut Output) -> Result<Outcome> {
@@ -178,7 +176,7 @@ pub(super) fn update(args: &UpdateArgs, out: &mut Output) -> Result<Outcome> {
         config.learn = config.learn.with_guard(guard);
     }
     interrupt::watch()?;
-    Build::onto(map, config.learn, dataset)?.run(args.commits.interval(), out)
+    Build::onto(map, config.learn, dataset, args.commits.interval())?.run(out)
 }
 
 fn open_dataset(data: &Path) -> Result<(Manifest, Dataset)> {
@@ -199,8 +197,7 @@ struct Build {
     dataset: Dataset,
     session: SessionId,
     extractor: Box<dyn Extractor>,
-    learner: Learner,
-    map: Map,
+    learner: OnlineLearner,
     /// The map's name once it is finished.
     out: PathBuf,
     /// Its name until then, if that is another.
@@ -224,6 +221,7 @@ impl Build {
         manifest: &Manifest,
         dataset: Dataset,
         out: &Path,
+        commit_interval: Duration,
     ) -> Result<Self> {
         let extractor = ExtractorConfig::StarBrief(
             StarBriefConfig::default().with_num_features(cfg.features_per_visit()),
@@ -243,7 +241,7 @@ impl Build {
             ..MapMeta::new(derived_uuid(&seed), extractor.id(), preset.name())
         };
         let map = open_part(&part, meta)?;
-        let build = Self::with(map, extractor, cfg, dataset)?;
+        let build = Self::with(map, extractor, cfg, dataset, commit_interval)?;
         Ok(Self {
             out: out.to_owned(),
             part: Some(part),
@@ -252,11 +250,16 @@ impl Build {
     }
 
     /// An update of a finished map.
-    fn onto(map: Map, cfg: LearnConfig, dataset: Dataset) -> Result<Self> {
+    fn onto(
+        map: Map,
+        cfg: LearnConfig,
+        dataset: Dataset,
+        commit_interval: Duration,
+    ) -> Result<Self> {
         let extractor = ExtractorConfig::from_id(&map.snapshot().meta.extractor)
             .and_then(|extractor| extractor.build())
             .map_err(|error| error.with_path(map.path()).with_place("extractor"))?;
-        Self::with(map, extractor, cfg, dataset)
+        Self::with(map, extractor, cfg, dataset, commit_interval)
     }
 
     fn with(
@@ -264,23 +267,23 @@ impl Build {
         extractor: Box<dyn Extractor>,
         cfg: LearnConfig,
         mut dataset: Dataset,
+        commit_interval: Duration,
     ) -> Result<Self> {
         Ok(Self {
             session: SessionId::derive(&dataset.name),
             problems: std::mem::take(&mut dataset.problems),
-            learner: Learner::resume(cfg, (*map.snapshot()).clone())?,
+            out: map.path().to_owned(),
+            learner: OnlineLearner::new(map, cfg, commit_interval)?,
             dataset,
             extractor,
-            out: map.path().to_owned(),
             part: None,
-            map,
             num_learnt: 0,
             num_held: 0,
         })
     }
 
-    fn run(mut self, commit_interval: Duration, out: &mut Output) -> Result<Outcome> {
-        match self.learn(commit_interval) {
+    fn run(mut self, out: &mut Output) -> Result<Outcome> {
+        match self.learn() {
             Ok(true) => {}
             Ok(false) => return self.stop(),
             Err(error) => return Err(self.give_up(error)),
@@ -288,7 +291,7 @@ impl Build {
         if self.learner.snapshot()?.nodes.is_empty() {
             self.list_problems();
             self.remove_if_empty();
-            return Err(Error::new(ErrorKind::Image, "no image could be learnt")
+            return Err(Error::new(ErrorKind::Format, "no image could be learnt")
                 .with_path(&self.out)
                 .with_help("see the problems above; `chronotope dataset check` finds them all")
                 .into());
@@ -316,7 +319,7 @@ impl Build {
     }
 
     /// Learns what the part does not hold yet; false if it was asked to stop.
-    fn learn(&mut self, commit_interval: Duration) -> Result<bool> {
+    fn learn(&mut self) -> Result<bool> {
         let known = self.known_visits();
         let entries = std::mem::take(&mut self.dataset.entries);
         let pending: Vec<&Entry> = (entries.iter())
@@ -327,13 +330,12 @@ impl Build {
             eprintln!(
                 "going on: {num_known} of {} visits are in {}",
                 entries.len(),
-                self.map.path().display()
+                self.learner.map().path().display()
             );
         }
         let progress = Progress::new("learning", entries.len());
         let chunk_len = IMAGES_PER_THREAD * rayon::current_num_threads();
         let mut num_done = num_known;
-        let mut next_commit = Instant::now() + commit_interval;
         for chunk in pending.chunks(chunk_len) {
             let extracted: Vec<_> = chunk
                 .par_iter()
@@ -352,12 +354,10 @@ impl Build {
                 num_done += 1;
                 progress.reach(num_done);
             }
-            if self.commits_early() && Instant::now() >= next_commit {
-                let start = Instant::now();
-                let generation = store(&self.map, &mut self.learner)?;
+            if self.commits_early() && self.learner.is_commit_due() {
+                let committed = self.learner.commit()?;
+                let generation = committed.snapshot.generation;
                 tracing::info!(generation, visits = num_done, "committed");
-                let pause = commit_interval.max(start.elapsed().saturating_mul(COMMIT_SHARE));
-                next_commit = Instant::now() + pause;
             }
         }
         Ok(true)
@@ -365,12 +365,12 @@ impl Build {
 
     /// The visits that the part has learnt or holds.
     fn known_visits(&self) -> HashSet<(PlaceKey, Time, String)> {
-        let snapshot = self.map.snapshot();
+        let snapshot = self.learner.map().snapshot();
         let visits = (snapshot.nodes.iter())
             .flat_map(|node| node.visits.iter().map(move |visit| (node, visit)))
             .filter(|(_, visit)| visit.session == self.session)
             .map(|(node, visit)| (node.key.clone(), visit.time, visit.source.clone()));
-        let held = (self.learner.held().visits().iter())
+        let held = (self.learner.learner().held().visits().iter())
             .filter(|visit| visit.session == self.session)
             .map(|visit| (visit.place.clone(), visit.time, visit.source.clone()));
         visits.chain(held).collect()
@@ -398,11 +398,11 @@ impl Build {
             source: entry.id.clone(),
         };
         let circumstances = Circumstances {
-            now: now(),
+            now: Some(Time::now()),
             is_live: false,
             gray_range: image.gray_range,
         };
-        let learnt = (self.learner).observe_under(&observation, &circumstances)?;
+        let learnt = (self.learner).observe(&observation, &circumstances)?;
         if let Some(doubt) = &learnt.doubt {
             self.num_held += 1;
             held::tell(&entry.id, doubt, &self.out);
@@ -421,7 +421,7 @@ impl Build {
     }
 
     fn commits_early(&self) -> bool {
-        self.learner.cfg().recipe() != Recipe::Reference
+        self.learner.learner().cfg().recipe() != Recipe::Reference
     }
 
     /// Adds what the dataset knows of places, commits, and gives the map its name.
@@ -448,26 +448,26 @@ impl Build {
         }
         // With the reference recipe, what is visible in a new image may change what was visible in an old one; with
         // a budget, something may have been forgotten.
-        self.map.replace(&snapshot)?;
+        self.learner.commit_snapshot(&snapshot)?;
         let Some(part) = &self.part else {
-            return Ok(self.map.snapshot());
+            return Ok(self.learner.map().snapshot());
         };
         finish(part, &self.out)?;
-        Ok(self.map.snapshot())
+        Ok(self.learner.map().snapshot())
     }
 
     /// Keeps what was learnt, after Ctrl-C.
     fn stop(&mut self) -> Result<Outcome> {
         if self.commits_early() {
-            store(&self.map, &mut self.learner)?;
+            self.learner.commit()?;
         }
         self.list_problems();
-        let num_kept = self.map.snapshot().summary().num_visits;
+        let num_kept = self.learner.map().snapshot().summary().num_visits;
         self.remove_if_empty();
         if num_kept > 0 {
             eprintln!(
                 "interrupted: {num_kept} visits are safe in {}; to go on, give the same command again",
-                self.map.path().display()
+                self.learner.map().path().display()
             );
         } else if self.commits_early() {
             eprintln!("interrupted: nothing was learnt yet; to start, give the same command again");
@@ -483,14 +483,14 @@ impl Build {
     /// Says what is left after a failure.
     fn give_up(&self, error: anyhow::Error) -> anyhow::Error {
         self.list_problems();
-        let num_kept = self.map.snapshot().summary().num_visits;
+        let num_kept = self.learner.map().snapshot().summary().num_visits;
         if num_kept == 0 {
             self.remove_if_empty();
             return error;
         }
         eprintln!(
             "note: {num_kept} visits are safe in {}; to go on, give the same command again",
-            self.map.path().display()
+            self.learner.map().path().display()
         );
         error
     }
@@ -498,7 +498,7 @@ impl Build {
     /// A part without visits would only be in the way.
     fn remove_if_empty(&self) {
         if let Some(part) = &self.part
-            && self.map.snapshot().nodes.is_empty()
+            && self.learner.map().snapshot().nodes.is_empty()
         {
             let _ = std::fs::remove_file(part);
         }
@@ -529,7 +529,7 @@ fn open_part(part: &Path, meta: MapMeta) -> Result<Map> {
     })?;
     if map.snapshot().meta.uuid != meta.uuid {
         return Err(Error::new(
-            ErrorKind::Config,
+            ErrorKind::AlreadyExists,
             "this is part of a build from another dataset or with other numbers",
         )
         .with_path(part)

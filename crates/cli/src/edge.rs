@@ -103,7 +103,7 @@ pub(super) fn run(args: &EdgeArgs, out: &mut Output) -> Result<Outcome> {
                     "there is no such edge from `{}` to `{}`",
                     ends.from, ends.to
                 );
-                return Err(Error::new(ErrorKind::Config, what)
+                return Err(Error::new(ErrorKind::NotFound, what)
                     .with_path(&args.map)
                     .with_help("`chronotope map edge MAP list` shows all")
                     .into());

@@ -209,16 +209,18 @@ impl Which {
 fn one(held: &[HeldVisit], text: &str) -> chronotope::Result<VisitId> {
     let text = text.to_lowercase();
     let mut found = (held.iter()).filter(|it| it.id.to_string().starts_with(&text));
-    let refused = |message: String| {
-        Error::new(ErrorKind::Config, message).with_help("`chronotope map held` lists the visits")
+    let (kind, message) = match (found.next(), found.next()) {
+        (Some(it), None) => return Ok(it.id),
+        (Some(_), Some(_)) => (
+            ErrorKind::Config,
+            format!("several visits begin with `{text}`"),
+        ),
+        (None, _) => (
+            ErrorKind::NotFound,
+            format!("no visit that is held begins with `{text}`"),
+        ),
     };
-    match (found.next(), found.next()) {
-        (Some(it), None) => Ok(it.id),
-        (Some(_), Some(_)) => Err(refused(format!("several visits begin with `{text}`"))),
-        (None, _) => Err(refused(format!(
-            "no visit that is held begins with `{text}`"
-        ))),
-    }
+    Err(Error::new(kind, message).with_help("`chronotope map held` lists the visits"))
 }
 
 /// Says that a visit was not learnt, and why.

@@ -1,28 +1,25 @@
 //! Where was this image taken?
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde::Serialize;
 
 use super::config::Config;
+use super::held;
 use super::live::{self, Frames};
 use super::output::Output;
 use super::pictures::{Picture, Pictures, TimeSource};
-use super::student::Student;
 use super::{ConfigArgs, Outcome, interrupt, named, preset_of};
-use chronotope::error::{Error, ErrorKind};
-use chronotope::feature::{
-    Extractor, ExtractorConfig, Features, GrayImage, LoadOptions, load_mask,
-};
+use chronotope::error::Error;
+use chronotope::feature::{LoadOptions, load_mask};
 use chronotope::localize::{
-    Candidate, Decision, Localization, Localizer, LocalizerConfig, Method, MotionConfig, Preset,
-    Query, QueryForm, Score, Scratch, Tracker,
+    Candidate, Decision, Localization, Localizer, LocalizerConfig, Method, Preset, QueryForm, Score,
 };
-use chronotope::map::{Map, MapMeta, NodeId, PlaceKey, Snapshot};
+use chronotope::map::{MapMeta, NodeId, PlaceKey, Snapshot};
 use chronotope::predict::Selection;
+use chronotope::robot::{Event, Frame, Robot, RobotConfig};
 use chronotope::time::{Period, Time};
 use chronotope::trace::{Shot, Stage, TraceConfig, Tracer};
 
@@ -97,15 +94,9 @@ pub(super) struct LocalizeArgs {
 }
 
 pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
-    // To learn takes the whole map; to localise, its query form will do.
-    let learnt = match &args.map {
-        Some(path) if args.learn => Some(Map::open(path)?),
-        _ => None,
-    };
-    let preset = match (&learnt, &args.map) {
-        (Some(map), _) => preset_of(&map.snapshot().meta),
-        (None, Some(path)) => preset_of(&MapMeta::read(path)?),
-        (None, None) => Preset::Default,
+    let preset = match &args.map {
+        Some(path) => preset_of(&MapMeta::read(path)?),
+        None => Preset::Default,
     };
     let mut config = Config::read(args.config.config.as_deref(), preset)?;
     config.localize = args.change(config.localize)?;
@@ -118,30 +109,23 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
     };
     let needs_time = config.localize.method().needs_time();
     let (trace, results) = args.outputs(out)?;
-    let localizer = match &learnt {
-        Some(map) => Localizer::new(map.snapshot(), config.localize)
-            .map_err(|error| error.with_path(path))?,
-        None => Localizer::open_by(path, config.localize, args.query_form)?,
-    };
-    let mut guide = Guide::new(path, localizer, args.mask.as_deref(), trace, results)?;
-    if args.track {
-        guide.track(config.motion)?;
+    let robot = Robot::open(path, args.robot(config)?)?;
+    if args.track && robot.localizer().snapshot().edges.is_empty() {
+        eprintln!("warning: the map has no edges, so the robot may go from any place to any other");
     }
+    let mut guide = Guide::new(robot, trace, results);
     guide.form = match (args.json, args.images.len()) {
         (true, _) => Form::Json,
         (false, 1) => Form::Sheet,
         (false, _) => Form::Line,
     };
-    if let Some(map) = learnt {
-        guide.student = Some(Student::new(map, config.learn, args.camera.is_some())?);
-    }
     if args.learn || args.camera.is_some() {
         interrupt::watch()?;
     }
     if let Some(camera) = args.camera {
         guide.form = guide.form.for_many();
         guide.follow(live::camera(camera)?)?;
-        return guide.finish();
+        return guide.finish(args.learn);
     }
     let mut pictures = Pictures::new(args.time, needs_time, args.manifest.as_deref())?;
     for path in &args.images {
@@ -173,10 +157,36 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
             }
         }
     }
-    guide.finish()
+    guide.finish(args.learn)
 }
 
 impl LocalizeArgs {
+    fn robot(&self, config: Config) -> Result<RobotConfig> {
+        let score = config.localize.score();
+        let mut cfg = RobotConfig::default()
+            .with_localize(config.localize)
+            .with_index_cache(self.query_form);
+        if let Some(mask) = &self.mask {
+            cfg = cfg.with_mask(load_mask(mask, &LoadOptions::default())?);
+        }
+        if self.track {
+            if score != Score::Likelihood {
+                bail!(
+                    "--track needs the score `likelihood`, not `{score}` (help: leave --score and \
+                     --preset out)"
+                );
+            }
+            cfg = cfg.with_tracking(config.motion);
+        }
+        if self.learn {
+            cfg = cfg.with_learning_inline(config.learn);
+        }
+        if self.camera.is_none() {
+            cfg = cfg.with_recorded_images();
+        }
+        Ok(cfg)
+    }
+
     fn change(&self, mut cfg: LocalizerConfig) -> Result<LocalizerConfig> {
         if let Some(method) = self.method {
             cfg = cfg.with_method(method);
@@ -223,14 +233,12 @@ struct Sink {
 }
 
 impl Sink {
-    fn write(
-        &mut self,
-        localizer: &Localizer,
-        picture: &Picture,
-        live: &Features,
-        answer: &Localization,
-        stages: &[Stage],
-    ) -> Result<()> {
+    fn write(&mut self, robot: &Robot, picture: &Picture) -> Result<()> {
+        let timing = robot.timing();
+        let stages = [
+            Stage::new("extract", timing.extract),
+            Stage::new("localize", timing.localize),
+        ];
         let shot = Shot {
             name: &picture.name,
             file: picture.file.as_deref(),
@@ -239,10 +247,10 @@ impl Sink {
             time: picture.time.map(|(time, _)| time),
             time_source: picture.time.map(|(_, source)| source.word()),
             truth: picture.truth.as_ref(),
-            live,
-            stages,
+            live: robot.features(),
+            stages: &stages,
         };
-        let trace = self.tracer.trace(localizer, &shot, answer)?;
+        let trace = (self.tracer).trace(robot.localizer(), &shot, robot.answer())?;
         let written = self.output.json(&trace);
         written.with_context(|| format!("{}: the trace cannot be written", self.path.display()))
     }
@@ -268,14 +276,8 @@ impl Form {
 
 /// Answers one picture after another.
 struct Guide<'o> {
-    localizer: Localizer,
-    extractor: Box<dyn Extractor>,
-    mask: Option<GrayImage>,
-    scratch: Scratch,
-    answer: Localization,
+    robot: Robot,
     trace: Option<Sink>,
-    student: Option<Student>,
-    tracker: Option<Tracker>,
     out: &'o mut Output,
     form: Form,
     outcome: Outcome,
@@ -283,50 +285,15 @@ struct Guide<'o> {
 }
 
 impl<'o> Guide<'o> {
-    fn new(
-        map: &Path,
-        localizer: Localizer,
-        mask: Option<&Path>,
-        trace: Option<Sink>,
-        out: &'o mut Output,
-    ) -> Result<Self> {
-        let extractor = ExtractorConfig::from_id(&localizer.snapshot().meta.extractor)
-            .and_then(|extractor| extractor.build())
-            .map_err(|error| error.with_path(map).with_place("extractor"))?;
-        let mask = mask.map(|mask| load_mask(mask, &LoadOptions::default()));
-        Ok(Self {
-            scratch: localizer.scratch(),
-            localizer,
-            extractor,
-            mask: mask.transpose()?,
-            answer: Localization::default(),
+    fn new(robot: Robot, trace: Option<Sink>, out: &'o mut Output) -> Self {
+        Self {
+            robot,
             trace,
-            student: None,
-            tracker: None,
             out,
             form: Form::Line,
             outcome: Outcome::Good,
             is_warned: false,
-        })
-    }
-
-    /// From now on the pictures are one way.
-    fn track(&mut self, motion: MotionConfig) -> Result<()> {
-        let cfg = self.localizer.cfg();
-        if cfg.score() != Score::Likelihood {
-            bail!(
-                "--track needs the score `likelihood`, not `{}` (help: leave --score and --preset out)",
-                cfg.score()
-            );
         }
-        let snapshot = self.localizer.snapshot();
-        if snapshot.edges.is_empty() {
-            eprintln!(
-                "warning: the map has no edges, so the robot may go from any place to any other"
-            );
-        }
-        self.tracker = Some(Tracker::new(snapshot, motion));
-        Ok(())
     }
 
     /// Says why a picture has no answer, and goes on.
@@ -353,110 +320,96 @@ impl<'o> Guide<'o> {
     }
 
     fn answer(&mut self, picture: &Picture) -> Result<()> {
-        let (live, stages) = match self.localize(picture) {
-            Ok(done) => done,
-            Err(error) => {
-                let error = match &picture.file {
-                    Some(file) => error.with_path(file),
-                    None => error.with_place(&picture.name),
-                };
-                self.fail(&error);
-                return Ok(());
-            }
-        };
-        let duration_ms: f64 = stages.iter().map(|stage| stage.ms).sum();
+        let mut frame = Frame::new(&picture.image).with_source(&picture.name);
+        if let Some((time, _)) = picture.time {
+            frame = frame.at(time);
+        }
+        if let Some(mask) = &picture.mask {
+            frame = frame.with_mask(mask);
+        }
+        if let Err(error) = self.robot.see_frame(&frame) {
+            let error = match &picture.file {
+                Some(file) => error.with_path(file),
+                None => error.with_place(&picture.name),
+            };
+            self.fail(&error);
+            return Ok(());
+        }
+        let (timing, num_features) = (self.robot.timing(), self.robot.features().len());
         tracing::info!(
             image = picture.name,
-            duration_ms,
-            features = live.len(),
+            duration_ms = (timing.extract + timing.localize).as_secs_f64() * 1e3,
+            features = num_features,
             "localised"
         );
+        let localizer = self.robot.localizer();
         if let Some((time, _)) = picture.time
             && !self.is_warned
         {
-            self.is_warned = warn_of_time(self.localizer.snapshot(), time, Some(&picture.name));
+            self.is_warned = warn_of_time(localizer.snapshot(), time, Some(&picture.name));
         }
-        if self.outcome == Outcome::Good && !matches!(self.answer.decision, Decision::At(_)) {
+        let answer = self.robot.answer();
+        if self.outcome == Outcome::Good && !matches!(answer.decision, Decision::At(_)) {
             self.outcome = Outcome::Doubtful;
         }
         if let Some(sink) = &mut self.trace {
-            sink.write(&self.localizer, picture, &live, &self.answer, &stages)?;
+            sink.write(&self.robot, picture)?;
         }
-        let report = Report::new(&self.localizer, picture, &self.answer, live.len());
+        let report = Report::new(localizer, picture, answer, num_features);
         match self.form {
             Form::Json => self.out.json(&report)?,
             Form::Sheet => self.out.line(report.sheet())?,
             Form::Line => self.out.line(report.row())?,
         }
-        if let Err(error) = self.learn(picture, &live) {
-            eprintln!("not learnt: {}: {error}", picture.name);
-        }
+        self.say_what_was_learnt();
         Ok(())
     }
 
-    /// Learns the picture, if that is wanted and it was located.
-    fn learn(&mut self, picture: &Picture, live: &Features) -> chronotope::Result<()> {
-        let (Some(student), Decision::At(id)) = (&mut self.student, self.answer.decision) else {
-            return Ok(());
-        };
-        let mask = both(picture.mask.as_ref(), self.mask.as_ref())?;
-        let place = &self.localizer.snapshot().node(id).key;
-        if let Some(newer) = student.observe(place, picture, mask.as_ref(), live)? {
-            self.localizer = self.localizer.on_newer(newer)?;
-            self.scratch = self.localizer.scratch();
+    fn say_what_was_learnt(&mut self) {
+        let map = self.robot.path().to_owned();
+        for event in self.robot.events() {
+            match event {
+                Event::Learnt { source, learnt, .. } if learnt.doubt.is_some() => {
+                    if let Some(doubt) = &learnt.doubt {
+                        held::tell(&source, doubt, &map);
+                    }
+                }
+                Event::Learnt {
+                    place,
+                    source,
+                    learnt,
+                    ..
+                } => tracing::info!(
+                    image = source,
+                    place = place.as_str(),
+                    seen = learnt.num_seen,
+                    born = learnt.num_born,
+                    "learnt"
+                ),
+                Event::NotLearnt { source, error } => eprintln!("not learnt: {source}: {error}"),
+                Event::NotCommitted { error } => eprintln!("not written yet: {error}"),
+                _ => {}
+            }
         }
-        Ok(())
     }
 
     /// Keeps what was learnt.
-    fn finish(mut self) -> Result<Outcome> {
-        if let Some(student) = self.student.take() {
-            student.finish()?;
+    fn finish(mut self, learns: bool) -> Result<Outcome> {
+        if learns {
+            self.robot.commit()?;
+            let generation = self.robot.events().fold(0, |latest, event| match event {
+                Event::Committed { generation, .. } => generation,
+                _ => latest,
+            });
+            let path = self.robot.path().display().to_string();
+            let totals = self.robot.finish()?;
+            eprintln!(
+                "learnt: {} visits, {} held; {path} is at generation {generation}",
+                totals.num_learnt, totals.num_quarantined
+            );
         }
         Ok(self.outcome)
     }
-
-    /// Extracts and localises; gives the live features, and how long each took.
-    fn localize(&mut self, picture: &Picture) -> chronotope::Result<(Features, [Stage; 2])> {
-        let start = Instant::now();
-        let mask = both(picture.mask.as_ref(), self.mask.as_ref())?;
-        let live = self.extractor.extract(&picture.image, mask.as_ref())?;
-        let extract = Stage::since("extract", start);
-        let start = Instant::now();
-        let query = Query {
-            features: &live,
-            time: picture.time.map(|(time, _)| time),
-            image_size: Some((picture.image.width() as u32, picture.image.height() as u32)),
-        };
-        (self.localizer).localize_into(&mut self.scratch, &query, &mut self.answer)?;
-        if let Some(tracker) = &mut self.tracker {
-            tracker.update(self.localizer.cfg(), &mut self.answer)?;
-        }
-        Ok((live, [extract, Stage::since("localize", start)]))
-    }
-}
-
-/// What neither mask hides.
-fn both(a: Option<&GrayImage>, b: Option<&GrayImage>) -> chronotope::Result<Option<GrayImage>> {
-    let (Some(a), Some(b)) = (a, b) else {
-        return Ok(a.or(b).cloned());
-    };
-    if (a.width(), a.height()) != (b.width(), b.height()) {
-        return Err(Error::new(
-            ErrorKind::Shape,
-            format!(
-                "a mask of {} x {} px does not fit an image of {} x {} px",
-                b.width(),
-                b.height(),
-                a.width(),
-                a.height()
-            ),
-        )
-        .with_help("make the mask for the image after crop and scale"));
-    }
-    let pixels = a.data().iter().zip(b.data());
-    let pixels = pixels.map(|(&a, &b)| a.min(b)).collect();
-    GrayImage::new(a.width(), a.height(), pixels).map(Some)
 }
 
 /// Says so if `time` lies before the map's visits or far after them; answers are given all the same.

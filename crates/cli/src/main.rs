@@ -25,7 +25,6 @@ mod predict;
 mod progress;
 mod spectrum;
 mod spectrum_svg;
-mod student;
 
 use std::io::IsTerminal;
 use std::path::PathBuf;
@@ -35,6 +34,7 @@ use anyhow::Result;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand};
 
+use chronotope::error::describe;
 use chronotope::localize::Preset;
 use chronotope::simd::Kernel;
 use output::Output;
@@ -157,7 +157,7 @@ fn main() -> ExitCode {
         // The reader has seen enough (`| head`).
         Err(error) if output::is_closed_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error:#}");
+            eprintln!("error: {}", describe(error.as_ref()));
             Outcome::Failed.into()
         }
     }

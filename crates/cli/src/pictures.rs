@@ -189,7 +189,7 @@ impl Pictures {
             });
             return match why {
                 Some(problem) => Err(Error::new(
-                    ErrorKind::Image,
+                    ErrorKind::Format,
                     format!("its index leaves it out: {problem}"),
                 )
                 .with_path(path)),

@@ -118,7 +118,7 @@ fn find(snapshot: &Snapshot, key: &str) -> chronotope::Result<NodeId> {
             .collect();
         let more = if known.len() > 20 { ", ..." } else { "" };
         known.truncate(20);
-        Error::new(ErrorKind::Config, format!("the map has no place `{key}`"))
+        Error::new(ErrorKind::NotFound, format!("the map has no place `{key}`"))
             .with_help(format!("it has {}{more}", known.join(", ")))
     })
 }

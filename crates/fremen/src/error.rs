@@ -198,6 +198,20 @@ impl fmt::Display for Error {
     }
 }
 
+/// What an error and its causes say, from the outermost inwards, as one line.
+///
+/// Stops at the first [`Error`], whose text says what its source says already. For programs that wrap errors
+/// of this crate in others (such as `anyhow`'s).
+pub fn describe(error: &(dyn StdError + 'static)) -> String {
+    let mut parts = Vec::new();
+    let mut next = Some(error);
+    while let Some(cause) = next {
+        parts.push(cause.to_string());
+        next = (!cause.is::<Error>()).then(|| cause.source()).flatten();
+    }
+    parts.join(": ")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -229,6 +243,7 @@ mod tests {
         assert_eq!(error.kind(), ErrorKind::NotFound);
         let source = error.source().and_then(|it| it.downcast_ref::<io::Error>());
         assert_eq!(source.map(io::Error::kind), Some(io::ErrorKind::NotFound));
+        assert_eq!(describe(&error), error.to_string());
         let full = Error::io(path, io::Error::from(io::ErrorKind::StorageFull));
         assert_eq!(full.kind(), ErrorKind::Io);
     }

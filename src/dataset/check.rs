@@ -1,4 +1,4 @@
-//! Is this dataset complete, readable and free of twins?
+//! Is this dataset complete, readable and free of identical?
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -9,10 +9,10 @@ use rayon::prelude::*;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use super::layouts::relative;
-use super::manifest::file_sha256;
+use super::manifest::Manifest;
+use super::paths::{file_sha256, hex, relative};
 use super::table::read_text;
-use super::{Clock, Dataset, Manifest, Problem, hex};
+use super::types::{Clock, Dataset, Problem};
 use crate::feature::PixelDigest;
 use crate::map::PlaceKey;
 use fremen::error::{Error, ErrorKind, Result};
@@ -43,7 +43,7 @@ pub struct CheckReport {
     pub visits: BTreeMap<Time, usize>,
     /// How many images have which size, after turning, cutting and resizing.
     pub image_sizes: Vec<SizeCount>,
-    /// Entries with the same pixels, by id: twins that must not be on both sides of an evaluation.
+    /// Entries with the same pixels, by id: identical that must not be on both sides of an evaluation.
     pub duplicates: Vec<Vec<String>>,
     /// What was left out when the dataset was opened, and what cannot be decoded.
     pub problems: Vec<Problem>,
@@ -72,7 +72,7 @@ pub struct SizeCount {
 }
 
 impl CheckReport {
-    /// Whether nothing is wrong; twins are a property of the data, not a fault of the copy.
+    /// Whether nothing is wrong; identical are a property of the data, not a fault of the copy.
     pub fn is_clean(&self) -> bool {
         self.problems.is_empty()
     }
@@ -123,7 +123,7 @@ impl fmt::Display for CheckReport {
         }
         writeln!(f, "sha256    {} (of the index)", self.dataset_sha256)?;
         for ids in &self.duplicates {
-            writeln!(f, "twins     {}", ids.join(" = "))?;
+            writeln!(f, "identical     {}", ids.join(" = "))?;
         }
         for problem in &self.problems {
             writeln!(f, "problem   {problem}")?;
@@ -132,7 +132,29 @@ impl fmt::Display for CheckReport {
     }
 }
 
-pub(super) fn check(dataset: &Dataset, progress: &(dyn Fn(usize, usize) + Sync)) -> CheckReport {
+impl Dataset {
+    /// Decodes every image and counts; see [`CheckReport`].
+    ///
+    /// `progress(done, total)` is called after every image, from several threads.
+    pub fn check(&self, progress: impl Fn(usize, usize) + Sync) -> CheckReport {
+        check(self, &progress)
+    }
+}
+
+impl Manifest {
+    /// Compares the files with the manifest's checksums and with a `SHA256SUMS` file in the folder,
+    /// where there are any; every difference is a problem.
+    pub fn verify(
+        &self,
+        dataset: &Dataset,
+        data_dir: &Path,
+        progress: impl Fn(usize, usize) + Sync,
+    ) -> Result<Vec<Problem>> {
+        verify(self, dataset, &self.find_data(data_dir)?, &progress)
+    }
+}
+
+fn check(dataset: &Dataset, progress: &(dyn Fn(usize, usize) + Sync)) -> CheckReport {
     let done = AtomicUsize::new(0);
     let total = dataset.entries.len();
     let decoded: Vec<Result<Decoded>> = dataset
@@ -152,7 +174,7 @@ pub(super) fn check(dataset: &Dataset, progress: &(dyn Fn(usize, usize) + Sync))
     let mut places: BTreeMap<PlaceKey, PlaceSummary> = BTreeMap::new();
     let mut visits: BTreeMap<Time, usize> = BTreeMap::new();
     let mut sizes: BTreeMap<(usize, usize), usize> = BTreeMap::new();
-    let mut twins: BTreeMap<PixelDigest, Vec<String>> = BTreeMap::new();
+    let mut identical: BTreeMap<PixelDigest, Vec<String>> = BTreeMap::new();
     for (entry, decoded) in dataset.entries.iter().zip(decoded) {
         let summary = places.entry(entry.place.clone()).or_insert(PlaceSummary {
             num_visits: 0,
@@ -166,7 +188,7 @@ pub(super) fn check(dataset: &Dataset, progress: &(dyn Fn(usize, usize) + Sync))
         match decoded {
             Ok(image) => {
                 *sizes.entry((image.width, image.height)).or_default() += 1;
-                twins
+                identical
                     .entry(image.digest)
                     .or_default()
                     .push(entry.id.clone());
@@ -177,9 +199,12 @@ pub(super) fn check(dataset: &Dataset, progress: &(dyn Fn(usize, usize) + Sync))
             }),
         }
     }
-    let num_distinct = twins.len();
-    let num_readable = twins.values().map(Vec::len).sum();
-    let mut duplicates: Vec<_> = twins.into_values().filter(|ids| ids.len() > 1).collect();
+    let num_distinct = identical.len();
+    let num_readable = identical.values().map(Vec::len).sum();
+    let mut duplicates: Vec<_> = identical
+        .into_values()
+        .filter(|ids| ids.len() > 1)
+        .collect();
     duplicates.sort_unstable();
     CheckReport {
         name: dataset.name.clone(),
@@ -209,7 +234,7 @@ struct Decoded {
     digest: PixelDigest,
 }
 
-pub(super) fn verify(
+fn verify(
     manifest: &Manifest,
     dataset: &Dataset,
     root: &Path,

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use image::ImageDecoder;
 use image::metadata::Orientation;
 
-use super::ImageSource;
+use super::types::ImageSource;
 use crate::feature::{GrayImage, LoadOptions, Rect, Rotation, load_gray};
 use fremen::error::{Error, ErrorKind, Result};
 

@@ -9,10 +9,11 @@ use std::path::{Path, PathBuf};
 
 use jiff::{Span, Timestamp, tz::TimeZone};
 use serde::{Deserialize, Deserializer};
-use sha2::{Digest, Sha256};
 
 use super::file_name::{Moment, NamePattern};
-use super::{Clock, Dataset, Entry, Problem, hex, layouts, table};
+use super::paths::file_sha256;
+use super::table;
+use super::types::{Clock, Entry};
 use crate::feature::{Rect, Rotation};
 use crate::map::PlaceKey;
 use fremen::error::{Error, ErrorKind, Result};
@@ -40,9 +41,6 @@ const BUILTIN: [(&str, &str); 5] = [
         include_str!("../../datasets/tilde.toml"),
     ),
 ];
-
-/// The file that describes a folder from inside it.
-const FOLDER_MANIFEST: &str = "dataset.toml";
 
 /// What a dataset is, and how to read it.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -315,49 +313,6 @@ impl Manifest {
             .map(|(path, text)| Self::parse(text, Path::new(path)))
     }
 
-    /// The manifest of `path` and the folder of its data.
-    ///
-    /// `path` is a manifest (a file), or a folder. For a folder: the `dataset.toml` inside it; or the
-    /// supported dataset whose index it has, byte for byte; or a plain manifest with the folder's name
-    /// and the layout found in it. Without a manifest, the times of an `index.csv` are taken for real
-    /// ones and numbered files have no clock.
-    pub fn locate(path: &Path) -> Result<(Self, PathBuf)> {
-        let meta = std::fs::metadata(path).map_err(|cause| {
-            Error::io(path, cause)
-                .with_help("give a folder with an index.csv, or a manifest (*.toml)")
-        })?;
-        if !meta.is_dir() {
-            if path.extension().is_none_or(|extension| extension != "toml") {
-                return Err(Error::new(
-                    ErrorKind::Format,
-                    "this is neither a folder nor a manifest (*.toml)",
-                )
-                .with_path(path)
-                .with_help("give the folder that contains index.csv"));
-            }
-            let manifest = Self::load(path)?;
-            let folder = path.parent().unwrap_or(Path::new("."));
-            let data_dir = manifest
-                .data
-                .as_ref()
-                .map_or_else(|| folder.to_owned(), |data| folder.join(data));
-            return Ok((manifest, data_dir));
-        }
-        let inside = path.join(FOLDER_MANIFEST);
-        if inside.is_file() {
-            let manifest = Self::load(&inside)?;
-            let data_dir = manifest
-                .data
-                .as_ref()
-                .map_or_else(|| path.to_owned(), |data| path.join(data));
-            return Ok((manifest, data_dir));
-        }
-        if let Some(manifest) = Self::recognise(path)? {
-            return Ok((manifest, path.to_owned()));
-        }
-        Ok((Self::plain(path)?, path.to_owned()))
-    }
-
     /// The supported dataset whose index file `data_dir` contains, byte for byte.
     pub fn recognise(data_dir: &Path) -> Result<Option<Self>> {
         for manifest in Self::builtin() {
@@ -372,41 +327,6 @@ impl Manifest {
             }
         }
         Ok(None)
-    }
-
-    /// A manifest that knows no more than the folder shows.
-    fn plain(data_dir: &Path) -> Result<Self> {
-        let (layout, clock) = layouts::detect(data_dir)?;
-        let name = std::path::absolute(data_dir)
-            .ok()
-            .and_then(|path| Some(path.file_name()?.to_string_lossy().into_owned()))
-            .unwrap_or_else(|| "dataset".into());
-        Ok(Self {
-            name,
-            aliases: Vec::new(),
-            title: String::new(),
-            citation: String::new(),
-            licence: String::new(),
-            obtain: String::new(),
-            known_faults: Vec::new(),
-            places: Vec::new(),
-            data: None,
-            time: TimeRule {
-                clock,
-                // One visit a day from the epoch: such times only number the visits.
-                origin: Some(Time::from_us(0)),
-                quantum: Some(Quantum::Seconds(86_400)),
-                first_visit: 0,
-                file_name: None,
-                base_period: None,
-                zone: None,
-                place_zones: BTreeMap::new(),
-            },
-            layout: vec![layout],
-            split: None,
-            mask: Vec::new(),
-            checksums: Checksums::default(),
-        })
     }
 
     /// When an image with this file name was taken, by the rule of the manifest.
@@ -427,56 +347,6 @@ impl Manifest {
             .get(place)
             .or(self.time.zone.as_ref())
             .map(String::as_str)
-    }
-
-    /// The folder of this dataset: `dir` itself, or the folder in it that has the dataset's name.
-    pub fn find_data(&self, dir: &Path) -> Result<PathBuf> {
-        let has_layout = |dir: &Path| self.layout.iter().any(|layout| layout.is_in(dir));
-        let named = std::iter::once(&self.name)
-            .chain(&self.aliases)
-            .map(|name| dir.join(name))
-            .find(|path| has_layout(path));
-        if let Some(path) = named {
-            return Ok(path);
-        }
-        if has_layout(dir) {
-            return Ok(dir.to_owned());
-        }
-        if !dir.is_dir() {
-            return Err(Error::new(ErrorKind::Io, "there is no such folder")
-                .with_path(dir)
-                .with_help(format!(
-                    "give the folder of the dataset `{}` or the one that contains it",
-                    self.name
-                )));
-        }
-        let wanted: Vec<_> = self.layout.iter().map(Layout::wanted).collect();
-        Err(Error::new(
-            ErrorKind::Format,
-            format!(
-                "the dataset `{}` is neither here nor in the folder `{}` here: found no {}",
-                self.name,
-                self.name,
-                wanted.join(" and no ")
-            ),
-        )
-        .with_path(dir)
-        .with_help(if self.obtain.is_empty() {
-            "name the folder that contains the data".into()
-        } else {
-            format!("to get the data: {}", self.obtain.trim())
-        }))
-    }
-
-    /// Compares the files with the manifest's checksums and with a `SHA256SUMS` file in the folder,
-    /// where there are any; every difference is a problem.
-    pub fn verify(
-        &self,
-        dataset: &Dataset,
-        data_dir: &Path,
-        progress: impl Fn(usize, usize) + Sync,
-    ) -> Result<Vec<Problem>> {
-        super::check::verify(self, dataset, &self.find_data(data_dir)?, &progress)
     }
 
     pub(super) fn index_file(&self) -> Option<&str> {
@@ -690,20 +560,6 @@ impl Layout {
                 }
                 Ok(())
             }
-        }
-    }
-}
-
-/// SHA-256 of a file's bytes in hexadecimal.
-pub(super) fn file_sha256(path: &Path) -> Result<String> {
-    let io = |cause: std::io::Error| Error::io(path, cause);
-    let mut file = std::fs::File::open(path).map_err(io)?;
-    let mut hasher = Sha256::new();
-    let mut buffer = vec![0; 1 << 16];
-    loop {
-        match std::io::Read::read(&mut file, &mut buffer).map_err(io)? {
-            0 => return Ok(hex(&hasher.finalize())),
-            length => hasher.update(&buffer[..length]),
         }
     }
 }

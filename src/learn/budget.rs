@@ -34,14 +34,13 @@
 //! Bytes are those of features, logs and appearances in memory ([`Node::num_bytes`]). Where they are exceeded,
 //! features and visits go in the same proportion; where the whole map exceeds its bytes, at every place.
 
-use serde::{Deserialize, Serialize};
-
+use super::budget_config::BudgetConfig;
 use super::expectation::PlaceModel;
 use super::visit::Scratch;
 use crate::feature::FeaturesView;
 use crate::map::{Node, Snapshot};
 use crate::matching::Matcher;
-use fremen::error::{Error, ErrorKind, Result};
+use fremen::error::Result;
 use fremen::time::Period;
 use fremen::visibility::BitRow;
 
@@ -58,111 +57,6 @@ const MAX_OTHERS: usize = 16;
 const LEFT_NUMERATOR: usize = 3;
 const LEFT_DENOMINATOR: usize = 4;
 
-/// How large a map may become; without a number there is no bound.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
-pub struct BudgetConfig {
-    #[serde(skip_serializing_if = "Option::is_none")]
-    features_per_place: Option<usize>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    visits_per_place: Option<usize>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    bytes_per_place: Option<usize>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    bytes: Option<usize>,
-}
-
-impl BudgetConfig {
-    pub(super) fn check(&self) -> Result<()> {
-        let least = [
-            ("features-per-place", self.features_per_place, 4),
-            ("visits-per-place", self.visits_per_place, 4),
-            ("bytes-per-place", self.bytes_per_place, 1 << 16),
-            ("bytes", self.bytes, 1 << 16),
-        ];
-        match least
-            .iter()
-            .find(|(_, most, least)| most.is_some_and(|most| most < *least))
-        {
-            Some((name, _, least)) => Err(Error::new(
-                ErrorKind::Config,
-                format!("budget: {name} must be at least {least}"),
-            )),
-            None => Ok(()),
-        }
-    }
-
-    /// A place has at most so many features.
-    #[must_use]
-    pub fn with_features_per_place(mut self, most: usize) -> Self {
-        self.features_per_place = Some(most);
-        self
-    }
-
-    /// A place remembers at most so many visits.
-    #[must_use]
-    pub fn with_visits_per_place(mut self, most: usize) -> Self {
-        self.visits_per_place = Some(most);
-        self
-    }
-
-    /// A place takes at most so many bytes.
-    #[must_use]
-    pub fn with_bytes_per_place(mut self, most: usize) -> Self {
-        self.bytes_per_place = Some(most);
-        self
-    }
-
-    /// All places together take at most so many bytes.
-    #[must_use]
-    pub fn with_bytes(mut self, most: usize) -> Self {
-        self.bytes = Some(most);
-        self
-    }
-
-    /// Whether anything is bounded.
-    pub fn is_bounded(&self) -> bool {
-        *self != Self::default()
-    }
-
-    /// The features of a place, at most.
-    pub fn features_per_place(&self) -> Option<usize> {
-        self.features_per_place
-    }
-
-    /// The visits of a place, at most.
-    pub fn visits_per_place(&self) -> Option<usize> {
-        self.visits_per_place
-    }
-
-    /// The bytes of a place, at most.
-    pub fn bytes_per_place(&self) -> Option<usize> {
-        self.bytes_per_place
-    }
-
-    /// The bytes of all places together, at most.
-    pub fn bytes(&self) -> Option<usize> {
-        self.bytes
-    }
-
-    /// How many features and visits the place may keep; `None` if it is within its budget.
-    pub(super) fn room(&self, node: &Node) -> Option<Room> {
-        let left = |number: usize, most: Option<usize>| match most {
-            Some(most) if number > most => most / LEFT_DENOMINATOR * LEFT_NUMERATOR,
-            _ => number,
-        };
-        let whole = Room::of(node);
-        let mut room = Room {
-            num_features: left(whole.num_features, self.features_per_place),
-            num_visits: left(whole.num_visits, self.visits_per_place),
-        };
-        if let Some(most) = self.bytes_per_place {
-            room = room.within(whole.scaled(node.num_bytes(), most));
-        }
-        (room != whole).then_some(room)
-    }
-}
-
 /// What a place may keep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Room {
@@ -176,6 +70,23 @@ impl Room {
             num_features: node.features.len(),
             num_visits: node.visits.len(),
         }
+    }
+
+    /// How many features and visits the place may keep; `None` if it is within its budget.
+    pub(super) fn within_budget(cfg: &BudgetConfig, node: &Node) -> Option<Self> {
+        let left = |number: usize, most: Option<usize>| match most {
+            Some(most) if number > most => most / LEFT_DENOMINATOR * LEFT_NUMERATOR,
+            _ => number,
+        };
+        let whole = Self::of(node);
+        let mut room = Self {
+            num_features: left(whole.num_features, cfg.features_per_place()),
+            num_visits: left(whole.num_visits, cfg.visits_per_place()),
+        };
+        if let Some(most) = cfg.bytes_per_place() {
+            room = room.within(whole.scaled(node.num_bytes(), most));
+        }
+        (room != whole).then_some(room)
     }
 
     /// In proportion, if `num_bytes` exceed `most`.

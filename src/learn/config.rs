@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::budget::BudgetConfig;
-use super::guard::{GuardConfig, Judge};
+use super::budget_config::BudgetConfig;
+use super::guard_config::{GuardConfig, Judge};
 use crate::localize::{LocalizerConfig, Method, Preset, Score};
 use crate::matching::{MatchConfig, TwoWayConfig, VoteConfig};
 use fremen::error::{Error, ErrorKind, Result};

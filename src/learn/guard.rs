@@ -4,7 +4,7 @@
 //! expected of it before it is learnt (Krajník et al., IROS 2016, III-C). Three questions, in this order:
 //!
 //! 1. Can its time be right? ([`ClockFault`])
-//! 2. Is anything to be seen? An image with fewer than [`GuardConfig::min_features`] features is *blind*.
+//! 2. Is anything to be seen? An image with fewer than [`GuardConfig::min_features`](super::GuardConfig::min_features) features is *blind*.
 //! 3. Does it agree with the prediction? Of the n features most likely at its time, those that could be
 //!    seen are asked for: *agreement* = seen / asked. It is compared with the agreements of the place's
 //!    own past visits: each was asked for before it was learnt. Of visits that were learnt unasked, runs are
@@ -24,7 +24,7 @@
 //!
 //! A place that was not recognised at all at a tenth of its honest visits (agreement 0) has a *low* and a threshold of 0:
 //! an image that shows nothing of it is usual there. It still refuses what looks like another place: for this *low* is
-//! taken of those visits that were recognised. A place of fewer than [`GuardConfig::min_visits`] visits refuses nothing.
+//! taken of those visits that were recognised. A place of fewer than [`GuardConfig::min_visits`](super::GuardConfig::min_visits) visits refuses nothing.
 //!
 //! Cost: O(features) a visit, and a look at one number for each past visit. The model of a place is refreshed now and
 //! then (`expectation`). Past agreements are found by up to eight fits when a place is first asked for and when it has
@@ -36,12 +36,11 @@
 
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Serialize};
-
 use super::config::LearnConfig;
 use super::expectation::{PlaceModel, identity};
+use super::guard_config::MIN_ASKED;
 use crate::map::{ClockFault, Doubt, Node, PlaceKey, SessionId, Snapshot};
-use fremen::error::{Error, ErrorKind, Result};
+use fremen::error::Result;
 use fremen::time::Time;
 use fremen::visibility::{self, BitRow, VisibilityModel, Visits};
 
@@ -54,129 +53,12 @@ const ZONE_STEP_S: f64 = 900.0;
 const MAX_ZONE_S: f64 = 14.0 * 3_600.0;
 /// Runs that past visits are taken out in.
 const NUM_RUNS: usize = 8;
-/// With fewer features asked for, an agreement says nothing.
-const MIN_ASKED: usize = 10;
 /// Which of the past agreements is the low one.
 const LOW_SHARE: f64 = 0.1;
 /// A place with so many times the visits finds out its past agreements anew.
 const OUTGROWN: usize = 2;
 /// So many past agreements are as good as none.
 const DOUBTED_VISITS: f64 = 4.0;
-
-/// Whose visits are judged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Judge {
-    /// Nobody's.
-    Never,
-    /// Those that are added to a map by a robot or an update, not those that a map is built from.
-    Updates,
-    /// All.
-    Always,
-}
-
-/// What becomes of a visit whose time cannot be right.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ClockPolicy {
-    /// It is learnt like any other.
-    Ignore,
-    /// It is held, with the fault as the reason.
-    Hold,
-    /// It is refused: an error of kind [`ErrorKind::Time`].
-    Refuse,
-}
-
-/// How visits are judged before they are learnt.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
-pub struct GuardConfig {
-    judge: Judge,
-    clock: ClockPolicy,
-    min_visits: usize,
-    num_predicted: usize,
-    tolerance: f64,
-    min_features: usize,
-}
-
-impl Default for GuardConfig {
-    /// Updates are judged, from the fifth visit of a place on.
-    fn default() -> Self {
-        Self {
-            judge: Judge::Updates,
-            clock: ClockPolicy::Hold,
-            min_visits: 5,
-            num_predicted: 50,
-            tolerance: 0.5,
-            min_features: 10,
-        }
-    }
-}
-
-impl GuardConfig {
-    pub(super) fn check(&self) -> Result<()> {
-        let message = if !(0.0..=1.0).contains(&self.tolerance) {
-            format!(
-                "guard: tolerance lies between 0 and 1, not at {}",
-                self.tolerance
-            )
-        } else if self.num_predicted < MIN_ASKED {
-            format!(
-                "guard: num-predicted must be at least {MIN_ASKED}, not {}",
-                self.num_predicted
-            )
-        } else if self.min_visits < 2 {
-            "guard: min-visits must be at least 2: one visit has no past".into()
-        } else {
-            return Ok(());
-        };
-        Err(Error::new(ErrorKind::Config, message))
-    }
-
-    /// Judges these visits.
-    #[must_use]
-    pub fn with_judge(mut self, judge: Judge) -> Self {
-        self.judge = judge;
-        self
-    }
-
-    /// Does this with visits whose time cannot be right.
-    #[must_use]
-    pub fn with_clock(mut self, clock: ClockPolicy) -> Self {
-        self.clock = clock;
-        self
-    }
-
-    /// Whose visits are judged.
-    pub fn judge(&self) -> Judge {
-        self.judge
-    }
-
-    /// What becomes of a visit whose time cannot be right.
-    pub fn clock(&self) -> ClockPolicy {
-        self.clock
-    }
-
-    /// A place with fewer visits is not asked whether it agrees.
-    pub fn min_visits(&self) -> usize {
-        self.min_visits
-    }
-
-    /// How many features are predicted.
-    pub fn num_predicted(&self) -> usize {
-        self.num_predicted
-    }
-
-    /// The share of a low past agreement that a new one must reach.
-    pub fn tolerance(&self) -> f64 {
-        self.tolerance
-    }
-
-    /// An image with fewer features is blind.
-    pub fn min_features(&self) -> usize {
-        self.min_features
-    }
-}
 
 /// How an image came in, where that is known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -500,19 +382,5 @@ mod tests {
         let back = fault(&mut guard, at(-500), blind);
         assert_eq!(back, Some(ClockFault::Backwards));
         assert_eq!(fault(&mut guard, at(9_000_000), blind), None);
-    }
-
-    #[test]
-    fn senseless_numbers_are_refused() {
-        for text in [
-            "tolerance = 1.5",
-            "num-predicted = 3",
-            "min-visits = 1",
-            "tolerance = nan",
-        ] {
-            let cfg: GuardConfig = toml::from_str(text).expect("well-formed");
-            assert!(cfg.check().is_err(), "{text}");
-        }
-        assert!(GuardConfig::default().check().is_ok());
     }
 }

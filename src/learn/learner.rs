@@ -5,7 +5,8 @@ use std::sync::Arc;
 use super::budget::{self, Room};
 use super::config::{KeepAppearances, LearnConfig, Recipe};
 use super::expectation::Expectations;
-use super::guard::{Circumstances, ClockPolicy, Guard, Judge};
+use super::guard::{Circumstances, Guard};
+use super::guard_config::{ClockPolicy, Judge};
 use super::visit::{Found, Learnt, Observation, Scratch};
 use super::{online, reference};
 use crate::feature::{Features, FeaturesView, GrayImage};
@@ -372,7 +373,8 @@ impl Learner {
     /// Forgets what exceeds the budget after a visit of the place at `index`; gives how much.
     fn keep_to_budget(&mut self, index: usize) -> Result<usize> {
         let mut num_forgotten = 0;
-        if let Some(room) = self.cfg.budget().room(&self.snapshot.nodes[index]) {
+        let node = &self.snapshot.nodes[index];
+        if let Some(room) = Room::within_budget(self.cfg.budget(), node) {
             num_forgotten += self.shrink(index, room)?;
         }
         let Some(most) = self.cfg.budget().bytes() else {

@@ -30,7 +30,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::config::{KeepAppearances, LearnConfig};
-use super::guard::Judge;
+use super::guard_config::Judge;
 use super::learner::Learner;
 use super::visit::Observation;
 use crate::feature::{Descriptor, Features, Keypoint};

@@ -24,20 +24,23 @@
 //! grow so far forgets what is least useful ([`BudgetConfig`]).
 
 mod budget;
+mod budget_config;
 mod config;
 mod expectation;
 mod forget;
 mod guard;
+mod guard_config;
 mod learner;
 mod merge;
 mod online;
 mod reference;
 mod visit;
 
-pub use budget::BudgetConfig;
+pub use budget_config::BudgetConfig;
 pub use config::{KeepAppearances, LearnConfig, Recipe};
 pub use forget::forget_session;
-pub use guard::{Circumstances, ClockPolicy, GuardConfig, Judge};
+pub use guard::Circumstances;
+pub use guard_config::{ClockPolicy, GuardConfig, Judge};
 pub use learner::Learner;
 pub use merge::{merge, relearn};
 pub use visit::{Learnt, Observation};

@@ -18,6 +18,7 @@ mod matching;
 mod merge;
 mod newer;
 mod query_form;
+mod robot;
 mod synthetic;
 mod tracking;
 mod untrusted;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::{Collector, outside_message};
+use super::collector::{Collector, outside_message};
 use crate::dataset::table::{Row, Table};
 use crate::feature::Rect;
 use crate::map::{Edge, PlaceKey};

@@ -12,9 +12,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Collector, digits, image_rank, list, name_of, relative, stem_of};
+use super::collector::Collector;
+use crate::dataset::manifest::{Layout, NcltPlace};
+use crate::dataset::paths::{digits, image_rank, list, name_of, relative, stem_of};
 use crate::dataset::table::read_text;
-use crate::dataset::{Layout, NcltPlace};
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
 

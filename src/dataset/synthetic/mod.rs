@@ -42,7 +42,7 @@ pub use scene::{Element, ElementKind};
 
 use self::random::Rng;
 use self::scene::{Scene, Street};
-use super::{Clock, Dataset, Entry, ImageSource};
+use super::types::{Clock, Dataset, Entry, ImageSource};
 use crate::feature::GrayImage;
 use crate::map::{Edge, PlaceKey};
 use fremen::error::{Error, ErrorKind, Result};

@@ -42,10 +42,6 @@ impl Periodogram {
         Ok(sums.periodogram())
     }
 
-    pub(super) fn of_lines(lines: Vec<PeriodogramLine>) -> Self {
-        Self { lines }
-    }
-
     /// One line a candidate, in the order of the candidates.
     pub fn lines(&self) -> &[PeriodogramLine] {
         &self.lines
@@ -60,6 +56,22 @@ impl Periodogram {
             }
         }
         strongest
+    }
+}
+
+impl SpectralSums {
+    /// How far the state swings with each candidate period, and how far its sampling does; O(K).
+    pub fn periodogram(&self) -> Periodogram {
+        let candidates = self.candidates();
+        let coefficients = self.coefficients();
+        let lines = (0..candidates.len()).map(|k| PeriodogramLine {
+            period_s: candidates.period_s(k),
+            amplitude: 2.0 * coefficients[k].hypot(coefficients[candidates.len() + k]),
+            window: self.window(k),
+        });
+        Periodogram {
+            lines: lines.collect(),
+        }
     }
 }
 

@@ -10,7 +10,6 @@
 
 use super::candidates::CandidatePeriods;
 use super::codec::{Reader, Writer};
-use super::periodogram::{Periodogram, PeriodogramLine};
 use super::rhythms::Rhythms;
 use super::select::strongest;
 use crate::error::{Error, ErrorKind, Result};
@@ -332,7 +331,7 @@ impl SpectralSums {
 
     /// The balanced coefficients `g_k = (S_k - mu W_k) / m`: all real parts, then all imaginary parts with
     /// their sign turned.
-    fn coefficients(&self) -> Vec<f64> {
+    pub(super) fn coefficients(&self) -> Vec<f64> {
         let mean = self.mean();
         let scale = 1.0 / f64::from(self.num_observed.max(1));
         (self.seen.iter().zip(&self.observed))
@@ -340,18 +339,10 @@ impl SpectralSums {
             .collect()
     }
 
-    /// How far the state swings with each candidate period, and how far its sampling does; O(K).
-    pub fn periodogram(&self) -> Periodogram {
-        let count = self.candidates.len();
-        let coefficients = self.coefficients();
-        let scale = 1.0 / f64::from(self.num_observed.max(1));
-        let lines = (0..count).map(|k| PeriodogramLine {
-            period_s: self.candidates.period_s(k),
-            amplitude: 2.0 * coefficients[k].hypot(coefficients[count + k]),
-            window: scale
-                * from_fixed(self.observed[k]).hypot(from_fixed(self.observed[count + k])),
-        });
-        Periodogram::of_lines(lines.collect())
+    /// `abs(W_k) / m` of candidate `k`.
+    pub(super) fn window(&self, k: usize) -> f64 {
+        let (cos, sin) = (self.observed[k], self.observed[self.candidates.len() + k]);
+        from_fixed(cos).hypot(from_fixed(sin)) / f64::from(self.num_observed.max(1))
     }
 
     /// p(t) with the `order` strongest rhythms.

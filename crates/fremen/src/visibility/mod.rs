@@ -62,6 +62,7 @@
 mod chance;
 mod codec;
 mod config;
+mod decode;
 mod evidence;
 mod fit;
 mod fremen;
@@ -76,8 +77,8 @@ mod pergam;
 mod persistent;
 mod shared_rhythms;
 
-pub use codec::decode;
 pub use config::{BeforeBirth, Guards, HeldOut, ModelConfig, Order, Split, VisibilityConfig};
+pub use decode::decode;
 pub use fit::{Visits, fit};
 pub use fremen::Fremen;
 pub use histogram::Histogram;

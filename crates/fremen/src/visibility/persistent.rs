@@ -68,8 +68,7 @@ pub(super) fn fit(evidence: &Evidence<'_>, of: Box<dyn VisibilityModel>) -> Pers
 }
 
 impl Persistent {
-    pub(super) fn read(reader: &mut Reader<'_>, depth: usize) -> Result<Self> {
-        let of = codec::decode_nested(reader.bytes()?, depth)?;
+    pub(super) fn read(reader: &mut Reader<'_>, of: Box<dyn VisibilityModel>) -> Result<Self> {
         let count = reader.count(1)?;
         if count != of.num_features() {
             return Err(reader.impossible("features and those of the long term differ"));

@@ -1,5 +1,5 @@
-//! Learns a street from rendered images, keeps the map in a file, opens it again and asks where a
-//! later image was taken.
+//! Learns a street from rendered images, keeps the map in a file, opens it again and localises
+//! a later image.
 //!
 //! `cargo run --release --example learn_and_save -- [MAP]`; without a name the map goes to a
 //! temporary folder and is removed at the end. `chronotope map inspect MAP` shows what it remembers.

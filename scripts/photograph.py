@@ -3,7 +3,7 @@
 Usage: photograph.py VIEWER RECORDING PICTURE MAX_BYTES
 
 The viewer's own `--screenshot-to` fires while a recording is still loading and under its own messages; so
-the viewer is started without a screen, asked for a picture once both are over, and stopped. PICTURE is a
+the viewer is started without a screen, told to take a picture once both are over, and stopped. PICTURE is a
 WebP file of the best quality that is small enough: features keep their colours, which few colours would not.
 """
 
@@ -58,7 +58,7 @@ def main(viewer, recording, picture, max_bytes):
         os.killpg(process.pid, signal.SIGTERM)
         process.wait(timeout=30)
     image = Image.open(raw).convert("RGB")
-    # A viewer on a dense screen makes more pixels than it was asked for.
+    # A viewer on a dense screen makes more pixels than were requested.
     image = image.resize(SIZE, Image.Resampling.LANCZOS).crop((0, TOP_PX, *SIZE))
     for quality in (92, 85, 75, 60):
         image.save(picture, "WEBP", quality=quality, method=6)

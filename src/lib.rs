@@ -2,9 +2,9 @@
 //!
 //! A map is a graph of places. Each place holds features (a keypoint with a BRIEF descriptor of 256
 //! bits) and the log of the visits at which each was seen. From that log a model of visibility is
-//! learnt, FreMEn by default: a mean and a few periodic components. For the time of a live image the
-//! features that should be visible are predicted, matched with those of the image, and the places are
-//! ranked by how much agrees.
+//! learnt, FreMEn by default: a mean and a few periodic components. For the time of a live image
+//! the features that should be visible are predicted, matched with those of the image, and the
+//! places are ranked by how much agrees.
 //!
 //! ```
 //! use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
@@ -36,7 +36,7 @@
 //!
 //! let localizer = Localizer::new(learner.snapshot()?, LocalizerConfig::default())?;
 //! let mut scratch = localizer.scratch();
-//! for entry in world.dataset("ask", &schedule.query).entries {
+//! for entry in world.dataset("query", &schedule.query).entries {
 //!     let features = extractor.extract(&entry.source.load()?, None)?;
 //!     let query = Query { features: &features, time: Some(entry.time), image_size: None };
 //!     let answer = localizer.localize(&mut scratch, &query)?;
@@ -49,15 +49,17 @@
 //! # Concepts
 //!
 //! - A *place* ([`map::Node`] in code) is where the robot may be; [`map::Edge`]s join places.
-//! - A *visit* is one observation time of a place. A feature was then seen, not seen, or could not be
-//!   observed: before its birth, or under a mask. This log is the truth, every model a cache of it.
+//! - A *visit* is one observation time of a place. A feature was then seen, not seen, or could not
+//!   be observed: before its birth, or under a mask. This log is the truth, every model a cache of
+//!   it.
 //! - *Visibility* p(t) is the probability that a feature is seen at time t
-//!   ([`visibility::VisibilityModel`]). Its *spectrum* holds components (period, amplitude, phase); its
-//!   *order* counts the components used, and order 0 is the mean alone.
-//! - A *predicted map* ([`predict::PredictedMap`]) is the part of a place that should be visible at t.
-//! - A *query* is the features and time of a live image; its answer ([`localize::Localization`]) holds
-//!   the ranking, the matches, the *inliers* that agree on one displacement, and a *decision*: at a
-//!   place, ambiguous, or unknown. "Not here" is an answer, never an error.
+//!   ([`visibility::VisibilityModel`]). Its *spectrum* holds components (period, amplitude, phase);
+//!   its *order* counts the components used, and order 0 is the mean alone.
+//! - A *predicted map* ([`predict::PredictedMap`]) is the part of a place that should be visible at
+//!   t.
+//! - A *query* is the features and time of a live image; its answer ([`localize::Localization`])
+//!   holds the ranking, the matches, the *inliers* that agree on one displacement, and a
+//!   *decision*: at a place, ambiguous, or unknown. "Not here" is an answer, never an error.
 //! - An *experience* is one remembered appearance of a place: what other methods keep instead.
 //!
 //! # Data flow
@@ -68,14 +70,14 @@
 //!            image -> feature -> Query -> predict -> match -> verify -> score -> decide -> Localization
 //! ```
 //!
-//! A [`map::Snapshot`] is immutable and a [`localize::Localizer`] only reads it, so both may be shared
-//! between threads; each thread owns a [`localize::Scratch`]. Learning goes on beside it and publishes
-//! the next snapshot.
+//! A [`map::Snapshot`] is immutable and a [`localize::Localizer`] only reads it, so both may be
+//! shared between threads; each thread owns a [`localize::Scratch`]. Learning goes on beside it and
+//! publishes the next snapshot.
 //!
 //! # Conventions
 //!
-//! - *Pixels*: x to the right, y down, the centre of the upper-left pixel at (0, 0). A displacement is
-//!   live minus map, in px. Images are 8-bit grey in rows without padding.
+//! - *Pixels*: x to the right, y down, the centre of the upper-left pixel at (0, 0). A displacement
+//!   is live minus map, in px. Images are 8-bit grey in rows without padding.
 //! - *Time*: [`Time`] counts microseconds since 1970-01-01T00:00:00Z in an `i64`; a [`Period`] is a
 //!   whole number of microseconds, and a year has 365.2425 days. Phases are taken modulo the period
 //!   before anything becomes a float.
@@ -91,23 +93,24 @@
 //!
 //! # Features of the crate
 //!
-//! - `opencv`: camera and video input, keypoints of ORB, FAST and AGAST. Needs OpenCV 4 and libclang.
+//! - `opencv`: camera and video input, keypoints of ORB, FAST and AGAST. Needs OpenCV 4 and
+//!   libclang.
 //!
 //! # Sources
 //!
 //! - T. Krajník, J. P. Fentanes, J. M. Santos, T. Duckett: FreMEn: Frequency map enhancement for
 //!   long-term mobile robot autonomy in changing environments. IEEE Transactions on Robotics, 2017.
 //!   In these docs: T-RO 2017.
-//! - T. Krajník, J. P. Fentanes, G. Cielniak, C. Dondrup, T. Duckett: Spectral analysis for long-term
-//!   robotic mapping. ICRA 2014.
-//! - T. Krajník, J. P. Fentanes, M. Hanheide, T. Duckett: Persistent localization and life-long mapping
-//!   in changing environments using the frequency map enhancement. IROS 2016.
-//! - J. M. Santos, T. Krajník, T. Duckett: Spatio-temporal exploration strategies for long-term autonomy
-//!   of mobile robots. Robotics and Autonomous Systems (RAS), 2017, online 2016.
+//! - T. Krajník, J. P. Fentanes, G. Cielniak, C. Dondrup, T. Duckett: Spectral analysis for
+//!   long-term robotic mapping. ICRA 2014.
+//! - T. Krajník, J. P. Fentanes, M. Hanheide, T. Duckett: Persistent localization and life-long
+//!   mapping in changing environments using the frequency map enhancement. IROS 2016.
+//! - J. M. Santos, T. Krajník, T. Duckett: Spatio-temporal exploration strategies for long-term
+//!   autonomy of mobile robots. Robotics and Autonomous Systems (RAS), 2017, online 2016.
 //! - W. Churchill, P. Newman: Experience-based navigation for long-term localisation. International
 //!   Journal of Robotics Research, 2013.
-//! - M. Calonder, V. Lepetit, C. Strecha, P. Fua: BRIEF: Binary robust independent elementary features.
-//!   ECCV 2010.
+//! - M. Calonder, V. Lepetit, C. Strecha, P. Fua: BRIEF: Binary robust independent elementary
+//!   features. ECCV 2010.
 //! - M. Agrawal, K. Konolige, M. R. Blas: CenSurE: Center surround extremas for realtime feature
 //!   detection and matching. ECCV 2008.
 

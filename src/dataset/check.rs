@@ -43,7 +43,8 @@ pub struct CheckReport {
     pub visits: BTreeMap<Time, usize>,
     /// How many images have which size, after turning, cutting and resizing.
     pub image_sizes: Vec<SizeCount>,
-    /// Entries with the same pixels, by id: identical that must not be on both sides of an evaluation.
+    /// Entries with the same pixels, by id: identical that must not be on both sides of an
+    /// evaluation.
     pub duplicates: Vec<Vec<String>>,
     /// What was left out when the dataset was opened, and what cannot be decoded.
     pub problems: Vec<Problem>,

@@ -1,11 +1,11 @@
 //! When was an image with this file name taken?
 //!
 //! A [`NamePattern`] is text with fields in braces, matched with a file's name without folders and
-//! extension: `{year:4}-{month:2}-{day:2}T{hour:2}_{minute:2}_{second:2}`. A field is a run of decimal
-//! digits: exactly as many as the number after the colon, or else as many as there are. `*` stands for
-//! any text. Fields: `year`, `month`, `day`, `hour`, `minute`, `second` (of a moment in UTC),
-//! `unix_s` and `unix_us` (since 1970), `visit` (a number that the time rule turns into a time) and
-//! `place` (a number, ignored here).
+//! extension: `{year:4}-{month:2}-{day:2}T{hour:2}_{minute:2}_{second:2}`. A field is a run of
+//! decimal digits: exactly as many as the number after the colon, or else as many as there are. `*`
+//! stands for any text. Fields: `year`, `month`, `day`, `hour`, `minute`, `second` (of a moment in
+//! UTC), `unix_s` and `unix_us` (since 1970), `visit` (a number that the time rule turns into a
+//! time) and `place` (a number, ignored here).
 
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
@@ -63,7 +63,7 @@ impl NamePattern {
                         .parse()
                         .ok()
                         .filter(|&digits| (1..=18).contains(&digits))
-                        .ok_or_else(|| bad(format!("asks for `{digits}` digits, not 1 to 18")))?;
+                        .ok_or_else(|| bad(format!("names `{digits}` digits, not 1 to 18")))?;
                     (name, Some(digits))
                 }
                 None => (&rest[start + 1..end], None),

@@ -13,8 +13,8 @@ use fremen::time::Time;
 const FOLDER_MANIFEST: &str = "dataset.toml";
 
 impl Dataset {
-    /// Opens a folder of images or a manifest (`*.toml`); [`Manifest::locate`] says how the manifest
-    /// of a folder is found.
+    /// Opens a folder of images or a manifest (`*.toml`); [`Manifest::locate`] says how the
+    /// manifest of a folder is found.
     pub fn open(path: &Path) -> Result<Self> {
         let (manifest, data_dir) = Manifest::locate(path)?;
         Self::open_with(&manifest, &data_dir)
@@ -53,10 +53,10 @@ impl Dataset {
 impl Manifest {
     /// The manifest of `path` and the folder of its data.
     ///
-    /// `path` is a manifest (a file), or a folder. For a folder: the `dataset.toml` inside it; or the
-    /// supported dataset whose index it has, byte for byte; or a plain manifest with the folder's name
-    /// and the layout found in it. Without a manifest, the times of an `index.csv` are taken for real
-    /// ones and numbered files have no clock.
+    /// `path` is a manifest (a file), or a folder. For a folder: the `dataset.toml` inside it; or
+    /// the supported dataset whose index it has, byte for byte; or a plain manifest with the
+    /// folder's name and the layout found in it. Without a manifest, the times of an `index.csv`
+    /// are taken for real ones and numbered files have no clock.
     pub fn locate(path: &Path) -> Result<(Self, PathBuf)> {
         let meta = std::fs::metadata(path).map_err(|cause| {
             Error::io(path, cause)

@@ -114,7 +114,7 @@ pub struct TimeRule {
     /// IANA zone whose civil time people live by there.
     #[serde(default)]
     pub zone: Option<String>,
-    /// Zones of places that are elsewhere.
+    /// Zones of places that live by another time.
     #[serde(default)]
     pub place_zones: BTreeMap<PlaceKey, String>,
 }
@@ -148,7 +148,8 @@ pub enum Layout {
     },
     /// `training/place_N/00042.bmp`: image number times quantum after the folder's origin.
     FreLoc {
-        /// Origins of single folders: `training` and `testing` have [`TimeRule::origin`] unless given.
+        /// Origins of single folders: `training` and `testing` have [`TimeRule::origin`] unless
+        /// given.
         #[serde(default, deserialize_with = "time_map")]
         origins: BTreeMap<String, Time>,
         /// What precedes the place's number in its name.

@@ -1,13 +1,14 @@
 //! Where do images, times, places, edges and truth come from?
 //!
-//! A [`Dataset`] is a sorted list of [`Entry`]s: one image of one place at one time. It comes from a
-//! folder with an `index.csv`, from one of the published layouts (GRIEF, FreLoc / Witham Wharf, NCLT),
-//! read as a [`Manifest`] says, or from the synthetic world.
+//! A [`Dataset`] is a sorted list of [`Entry`]s: one image of one place at one time. It comes from
+//! a folder with an `index.csv`, from one of the published layouts (GRIEF, FreLoc / Witham Wharf,
+//! NCLT), read as a [`Manifest`] says, or from the synthetic world.
 //!
-//! What cannot be trusted as a whole is an error: no index, a bad header, a bad number, a time that is
-//! none. What concerns one image is left out, counted and listed in [`Dataset::problems`]: a missing
-//! or empty file, a crop that is not inside its image, a second row for the same place and time, a
-//! place that the manifest does not list. Nothing is left out in silence, and nothing is ever written.
+//! What cannot be trusted as a whole is an error: no index, a bad header, a bad number, a time that
+//! is none. What concerns one image is left out, counted and listed in [`Dataset::problems`]: a
+//! missing or empty file, a crop that is not inside its image, a second row for the same place and
+//! time, a place that the manifest does not list. Nothing is left out in silence, and nothing is
+//! ever written.
 
 mod check;
 mod file_image;

@@ -24,8 +24,8 @@ pub trait ImageSource: Send + Sync {
         None
     }
 
-    /// The mask for an image of `width` x `height` pixels that [`load`](Self::load) gave, where parts
-    /// of it must not be used: 0 there, 255 elsewhere.
+    /// The mask for an image of `width` x `height` pixels that [`load`](Self::load) gave, where
+    /// parts of it must not be used: 0 there, 255 in the rest.
     fn mask(&self, width: usize, height: usize) -> Result<Option<GrayImage>> {
         let _ = (width, height);
         Ok(None)
@@ -113,8 +113,9 @@ impl Dataset {
     }
 
     /// SHA-256, in hexadecimal, of what the index says: name of the place, time, id and
-    /// [`recipe`](ImageSource::recipe) of every entry. The same for a copy of the dataset in another
-    /// folder; the bytes of the images are not part of it ([`Manifest::verify`] checks those).
+    /// [`recipe`](ImageSource::recipe) of every entry. The same for a copy of the dataset in
+    /// another folder; the bytes of the images are not part of it ([`Manifest::verify`] checks
+    /// those).
     pub fn sha256(&self) -> String {
         let mut hasher = Sha256::new();
         for entry in &self.entries {

@@ -1,22 +1,22 @@
 //! What does the neighbourhood of a point look like, as 256 bits (BRIEF-32, upright)?
 //!
-//! Bit `i` tells whether the patch is darker at `a_i` than at `b_i`, two fixed points within 24 px of
-//! the keypoint, each smoothed by the mean of a 9x9 box:
+//! Bit `i` says whether the patch is darker at `a_i` than at `b_i`, two fixed points within 24 px
+//! of the keypoint, each smoothed by the mean of a 9x9 box:
 //!
 //! ```text
 //! bit_i = box(x + xa_i, y + ya_i) < box(x + xb_i, y + yb_i)
 //! ```
 //!
 //! The bits are those of OpenCV's `BriefDescriptorExtractor` (32 bytes, no orientation) on the same
-//! grey bytes. Source: Calonder, Lepetit, Strecha, Fua: *BRIEF: Binary Robust Independent Elementary
-//! Features*, ECCV 2010.
+//! grey bytes. Source: Calonder, Lepetit, Strecha, Fua: *BRIEF: Binary Robust Independent
+//! Elementary Features*, ECCV 2010.
 //!
-//! A patch with its smoothing reaches [`BORDER_PX`] from the keypoint; keypoints nearer to the image's
-//! edge cannot be described. Complexity: 9 additions a pixel and 512 look-ups a keypoint. A box sum is
-//! at most 81 * 255, so 16 bits hold it.
+//! A patch with its smoothing reaches [`BORDER_PX`] from the keypoint; keypoints nearer to the
+//! image's edge cannot be described. Complexity: 9 additions a pixel and 512 look-ups a keypoint. A
+//! box sum is at most 81 * 255, so 16 bits hold it.
 //!
-//! Not for: images that turn by more than some 15 degrees in the image plane, or change scale by more
-//! than some 20 %.
+//! Not for: images that turn by more than some 15 degrees in the image plane, or change scale by
+//! more than some 20 %.
 
 use super::brief_pairs::PAIRS;
 use super::{Descriptor, GrayImage, Keypoint};

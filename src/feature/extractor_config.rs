@@ -1,8 +1,9 @@
 //! Which extractor, with which parameters?
 //!
 //! [`ExtractorConfig`] is what configuration files hold, and what an extractor's
-//! [`id`](super::Extractor::id) spells: `KIND:NAME=VALUE,...` with every parameter, names ascending.
-//! [`ExtractorConfig::from_id`] reads it back, so that a map can make the extractor of its features.
+//! [`id`](super::Extractor::id) spells: `KIND:NAME=VALUE,...` with every parameter, names
+//! ascending. [`ExtractorConfig::from_id`] reads it back, so that a map can make the extractor of
+//! its features.
 
 use std::fmt::Write as _;
 
@@ -97,7 +98,8 @@ impl ExtractorConfig {
 
     /// What [`Extractor::id`] of the built extractor says.
     pub fn id(&self) -> String {
-        // Plain structs of numbers always serialise; an empty map could only make ids less specific.
+        // Plain structs of numbers always serialise; an empty map could only make ids less
+        // specific.
         let Ok(Value::Object(fields)) = serde_json::to_value(self) else {
             return String::new();
         };

@@ -1,24 +1,24 @@
 //! Which grey bytes are in this image file?
 //!
-//! [`load_gray`] decodes a file, makes it grey, turns, crops and scales it, in this order, so that a
-//! crop is given in pixels of the upright picture. Every step is integer arithmetic of this module, so
-//! that the same decoded colours give the same grey bytes on every machine:
+//! [`load_gray`] decodes a file, makes it grey, turns, crops and scales it, in this order, so that
+//! a crop is given in pixels of the upright picture. Every step is integer arithmetic of this
+//! module, so that the same decoded colours give the same grey bytes on every machine:
 //!
 //! - grey = `(9798 R + 19235 G + 3735 B + 2^14) >> 15`, the weights of ITU-R BT.601 in 15 bits, as
 //!   OpenCV 4 and 5 take them;
 //! - 16-bit channels keep their high byte (`v >> 8`);
 //! - alpha is ignored: the colours count as they are stored, transparent or not;
 //! - the orientation that a camera wrote into the EXIF data is applied, as viewers and OpenCV do;
-//! - scaling is bilinear with half-pixel centres: output pixel `i` samples `(i + 0.5) / scale - 0.5`,
-//!   clamped to the image, with weights in 1/2048 ([`GrayImage::scaled`]).
+//! - scaling is bilinear with half-pixel centres: output pixel `i` samples `(i + 0.5) / scale -
+//!   0.5`, clamped to the image, with weights in 1/2048 ([`GrayImage::scaled`]).
 //!
 //! Limits ([`DecodeLimits`]) are checked against the header before any pixel is decoded, so that a
-//! small file cannot claim gigabytes. Files that end early, claim no pixels, are empty or are no images
-//! are [`ErrorKind::Format`] errors that name the file; files that cannot be read are
+//! small file cannot claim gigabytes. Files that end early, claim no pixels, are empty or are no
+//! images are [`ErrorKind::Format`] errors that name the file; files that cannot be read are
 //! [`ErrorKind::Io`] errors.
 //!
-//! [`exif_time`] reads the moment of capture as text. It is text because pixels know nothing of time
-//! here; the caller parses it.
+//! [`exif_time`] reads the moment of capture as text. It is text because pixels know nothing of
+//! time here; the caller parses it.
 //!
 //! Not for: colour, more than 8 bits, floating-point images, raw camera formats.
 
@@ -196,10 +196,11 @@ pub fn load_gray(path: impl AsRef<Path>, options: &LoadOptions) -> Result<GrayIm
         .map_err(|error| error.with_path(path))
 }
 
-/// A mask from an image file of the same layout as the images it belongs to: zero pixels are ignored.
+/// A mask from an image file of the same layout as the images it belongs to: zero pixels are
+/// ignored.
 ///
-/// The mask is turned, cropped and scaled like the images. A scaled mask pixel that touches an ignored
-/// pixel is ignored. The result is 0 or 255.
+/// The mask is turned, cropped and scaled like the images. A scaled mask pixel that touches an
+/// ignored pixel is ignored. The result is 0 or 255.
 pub fn load_mask(path: impl AsRef<Path>, options: &LoadOptions) -> Result<GrayImage> {
     let path = path.as_ref();
     let decode = |bytes: Vec<u8>| {
@@ -218,8 +219,9 @@ pub fn load_mask(path: impl AsRef<Path>, options: &LoadOptions) -> Result<GrayIm
         .map_err(|error: Error| error.with_path(path))
 }
 
-/// A mask of `width` x `height` px that ignores the pixels of `ignored` (burnt-in text, the robot's own
-/// body), in pixels of the image that is extracted. A rectangle that leaves the image is an error.
+/// A mask of `width` x `height` px that ignores the pixels of `ignored` (burnt-in text, the robot's
+/// own body), in pixels of the image that is extracted. A rectangle that leaves the image is an
+/// error.
 pub fn mask_from_rects(width: usize, height: usize, ignored: &[Rect]) -> Result<GrayImage> {
     let pixels = width.checked_mul(height).ok_or_else(|| {
         Error::new(
@@ -331,8 +333,8 @@ fn image_error(cause: &ImageError) -> Error {
 /// Whether the last scan of a JPEG is followed by its end marker.
 ///
 /// Decoders fill what is missing with grey, which would be taken for a picture. Inside a scan every
-/// 0xFF is followed by 0x00 or a restart marker, so 0xFF 0xD9 there is the end of the image; thumbnails
-/// in the header end before the last scan starts.
+/// 0xFF is followed by 0x00 or a restart marker, so 0xFF 0xD9 there is the end of the image;
+/// thumbnails in the header end before the last scan starts.
 fn jpeg_is_complete(bytes: &[u8]) -> bool {
     let marker = |code: u8| move |pair: &[u8]| pair == [0xFF, code];
     let last_scan = bytes.windows(2).rposition(marker(0xDA));
@@ -544,7 +546,8 @@ impl GrayImage {
     }
 }
 
-/// SHA-256 of an image's width and height (u64, little-endian) and its pixels; shown in hexadecimal.
+/// SHA-256 of an image's width and height (u64, little-endian) and its pixels; shown in
+/// hexadecimal.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PixelDigest(pub [u8; 32]);
 
@@ -562,9 +565,9 @@ impl std::fmt::Debug for PixelDigest {
 
 /// When the camera took the picture, as RFC 3339 text with an offset, if the file says so.
 ///
-/// Reads the EXIF time of capture (`DateTimeOriginal`, else `DateTimeDigitized`, else `DateTime`) with
-/// its fraction and its offset. `None` if there is no EXIF data, no such time, or a time without an
-/// offset: that would be a guess by hours.
+/// Reads the EXIF time of capture (`DateTimeOriginal`, else `DateTimeDigitized`, else `DateTime`)
+/// with its fraction and its offset. `None` if there is no EXIF data, no such time, or a time
+/// without an offset: that would be a guess by hours.
 pub fn exif_time(path: impl AsRef<Path>) -> Result<Option<String>> {
     let path = path.as_ref();
     let bytes = read_file(path, &DecodeLimits::default()).map_err(|error| error.with_path(path))?;

@@ -1,9 +1,9 @@
 //! What stands out in this image?
 //!
-//! Conventions: `x` to the right and `y` down, in pixels, with the centre of the upper-left pixel at
-//! (0, 0) as in OpenCV. Images are 8-bit grey, row by row without padding. A descriptor is 256 bits;
-//! bit `i` of BRIEF is stored at bit `7 - i % 8` of byte `i / 8`, byte `b` at bits `8 * (b % 8)..` of
-//! word `b / 8`, so that the 32 bytes are OpenCV's.
+//! Conventions: `x` to the right and `y` down, in pixels, with the centre of the upper-left pixel
+//! at (0, 0) as in OpenCV. Images are 8-bit grey, row by row without padding. A descriptor is 256
+//! bits; bit `i` of BRIEF is stored at bit `7 - i % 8` of byte `i / 8`, byte `b` at bits `8 * (b %
+//! 8)..` of word `b / 8`, so that the 32 bytes are OpenCV's.
 
 pub mod brief;
 mod brief_pairs;

@@ -1,13 +1,13 @@
 //! Which corners would ORB, FAST or AGAST find, described by our BRIEF?
 //!
-//! The detectors are OpenCV's; masks, order, cut and descriptors are ours, so that their features go
-//! wherever those of [`StarBrief`](super::StarBrief) go. ORB's corners come from a pyramid of 8 levels
-//! that shrink by 1.2 and are described in the full image, upright: BRIEF looks at the same patch size
-//! on every level.
+//! The detectors are OpenCV's; masks, order, cut and descriptors are ours, so that their features
+//! go wherever those of [`StarBrief`](super::StarBrief) go. ORB's corners come from a pyramid of 8
+//! levels that shrink by 1.2 and are described in the full image, upright: BRIEF looks at the same
+//! patch size on every level.
 //!
-//! Sources: Rublee et al., *ORB*, ICCV 2011; Rosten, Drummond, *Machine learning for high-speed corner
-//! detection*, ECCV 2006; Mair et al., *Adaptive and generic corner detection* (AGAST), ECCV 2010.
-//! Not for: bit-exactness between OpenCV versions, which these detectors do not promise.
+//! Sources: Rublee et al., *ORB*, ICCV 2011; Rosten, Drummond, *Machine learning for high-speed
+//! corner detection*, ECCV 2006; Mair et al., *Adaptive and generic corner detection* (AGAST), ECCV
+//! 2010. Not for: bit-exactness between OpenCV versions, which these detectors do not promise.
 
 use opencv::core::{KeyPoint, Mat, Vector};
 use opencv::features2d::{
@@ -100,7 +100,7 @@ impl CornerBrief {
     }
 }
 
-/// More corners than any picture needs; ORB allocates for as many as it is asked for.
+/// More corners than any picture needs; ORB allocates for as many as are requested.
 const MAX_ORB_CORNERS: usize = 1_000_000;
 
 /// Keypoints in no particular order, and how many to keep.

@@ -13,17 +13,17 @@
 //! area_r       = (2 r + 1)^2                         +  t^2 + (t + 1)^2
 //! ```
 //!
-//! A filter of size `s` (2, 4, 6, 8, 12, 16, 22, 32, 46, 64, 90, 128) compares the mean of the star of
-//! radius `s / 2` with the mean of the ring around it, up to the star of radius `s`:
+//! A filter of size `s` (2, 4, 6, 8, 12, 16, 22, 32, 46, 64, 90, 128) compares the mean of the star
+//! of radius `s / 2` with the mean of the ring around it, up to the star of radius `s`:
 //!
 //! ```text
 //! response_s = star_{s/2} / area_{s/2} - (star_s - star_{s/2}) / (area_s - area_{s/2})
 //! ```
 //!
-//! Each pixel keeps the response of largest magnitude (the smallest size of equal ones) and its size.
-//! Sums come from integral images, so that a pixel costs the same for every size: squares from the
-//! upright one `S`, rhombi from two sums over cones that open upwards (`-y`), where `A` has one pixel
-//! at its tip and `B` has two, `x - 1` and `x`:
+//! Each pixel keeps the response of largest magnitude (the smallest size of equal ones) and its
+//! size. Sums come from integral images, so that a pixel costs the same for every size: squares
+//! from the upright one `S`, rhombi from two sums over cones that open upwards (`-y`), where `A`
+//! has one pixel at its tip and `B` has two, `x - 1` and `x`:
 //!
 //! ```text
 //! A(x, y) = A(x-1, y-1) + A(x+1, y-1) - A(x, y-2) + I(x, y) + I(x, y-1)
@@ -34,20 +34,20 @@
 //! The sums are modulo 2^32, and a difference of four of them is exact however large the image is.
 //!
 //! # Keypoints
-//! The largest and the smallest response of every tile of `n / 2 + 1` px (`n` = `suppress_nonmax_size`)
-//! is a keypoint if it is strictly extreme within `n / 2` px, beyond the threshold, of a size that is
-//! neither below 4 nor the largest, and not on a line. Lines are rejected (Agrawal et al., section
-//! 3.4: the ratio of principal curvatures) by the second moments of the response's gradient over 9x9
-//! samples that are `size / 4` px apart, `(Lxx + Lyy)^2 >= k (Lxx Lyy - Lxy^2)`, and by the same test
-//! on the "is of the same size" map.
+//! The largest and the smallest response of every tile of `n / 2 + 1` px (`n` =
+//! `suppress_nonmax_size`) is a keypoint if it is strictly extreme within `n / 2` px, beyond the
+//! threshold, of a size that is neither below 4 nor the largest, and not on a line. Lines are
+//! rejected (Agrawal et al., section 3.4: the ratio of principal curvatures) by the second moments
+//! of the response's gradient over 9x9 samples that are `size / 4` px apart, `(Lxx + Lyy)^2 >= k
+//! (Lxx Lyy - Lxy^2)`, and by the same test on the "is of the same size" map.
 //!
 //! Deviation from the paper, kept because OpenCV has it and published results rest on it: a minimum
 //! (dark blob) carries as its response not its own value but the largest one of its tile, or the
 //! threshold, so that over a third of all keypoints share a response.
 //!
-//! Complexity: O(pixels x sizes); about 12 bytes of integral images and 5 bytes of responses a pixel.
-//! Within one and a half times the largest filter size of the image's edge there are no keypoints:
-//! 69 px for `max_size` = 45.
+//! Complexity: O(pixels x sizes); about 12 bytes of integral images and 5 bytes of responses a
+//! pixel. Within one and a half times the largest filter size of the image's edge there are no
+//! keypoints: 69 px for `max_size` = 45.
 //!
 //! Not for: subpixel positions, orientations, or images under 140 px a side at the default size.
 
@@ -59,8 +59,8 @@ use fremen::error::{Error, ErrorKind, Result};
 /// Sizes of all filters; each is twice the radius of its centre.
 const FILTER_SIZES: [u8; 12] = [2, 4, 6, 8, 12, 16, 22, 32, 46, 64, 90, 128];
 
-/// Columns that are answered from top to bottom before the next ones: what a star of them reaches in
-/// the integral images stays in the second-level cache.
+/// Columns that are answered from top to bottom before the next ones: what a star of them reaches
+/// in the integral images stays in the second-level cache.
 const STRIP: usize = 256;
 
 /// The parameters of STAR, as in [`StarBriefConfig`](super::StarBriefConfig).
@@ -82,8 +82,8 @@ impl StarParams {
                 format!("STAR's max_size is 5 to 128 px, not {}", self.max_size),
             ));
         }
-        // The window of an extremum must stay inside the image: the smallest border is 9 px, that of
-        // the reference recipe 69 px.
+        // The window of an extremum must stay inside the image: the smallest border is 9 px, that
+        // of the reference recipe 69 px.
         let border = self.border();
         if usize::from(self.suppress_nonmax_size) / 2 > border {
             return Err(Error::new(
@@ -135,7 +135,8 @@ pub(super) struct StarScratch {
     black: Vec<u8>,
     stars: Vec<StarCorners>,
     filters: Vec<CentreSurround>,
-    /// Width, height and border of what `responses` and `sizes` hold; outside the border they are zero.
+    /// Width, height and border of what `responses` and `sizes` hold; outside the border they are
+    /// zero.
     shape: (usize, usize, usize),
     responses: Vec<f32>,
     sizes: Vec<u8>,
@@ -145,7 +146,7 @@ pub(super) struct StarScratch {
 }
 
 /// Replaces `candidates` by all pixels of `image` that are keypoints if they [are not on a
-/// line](Field::is_on_line), in no particular order, and returns the responses to ask.
+/// line](Field::is_on_line), in no particular order, and returns the responses to look up.
 ///
 /// `params` have passed [`StarParams::check`].
 pub(super) fn candidates<'a>(
@@ -425,7 +426,7 @@ impl Tiles<'_> {
     }
 }
 
-/// The responses and sizes of an image, to be asked whether a candidate is on a line.
+/// The responses and sizes of an image, to look up whether a candidate is on a line.
 pub(super) struct Field<'a> {
     width: usize,
     responses: &'a [f32],

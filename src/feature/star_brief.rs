@@ -1,13 +1,14 @@
 //! Which features does the reference recipe see (STAR keypoints, BRIEF-32 bits)?
 //!
-//! [`StarBrief`] detects ([`star`](super::star)), drops keypoints on masked pixels and those that BRIEF
-//! cannot describe, sorts by (response descending, y, x), keeps the strongest `num_features` and
-//! describes them ([`brief`](super::brief)).
+//! [`StarBrief`] detects ([`star`](super::star)), drops keypoints on masked pixels and those that
+//! BRIEF cannot describe, sorts by (response descending, y, x), keeps the strongest `num_features`
+//! and describes them ([`brief`](super::brief)).
 //!
-//! The cut comes after the border filter, so that `num_features` counts features and not candidates.
-//! With `max_size` of 30 or more the order makes no difference: STAR's own border is then wider than
-//! BRIEF's. OpenCV leaves the order of equal responses, which over a third of keypoints share, to its
-//! sorting; ours is defined, so that the same image gives the same features everywhere.
+//! The cut comes after the border filter, so that `num_features` counts features and not
+//! candidates. With `max_size` of 30 or more the order makes no difference: STAR's own border is
+//! then wider than BRIEF's. OpenCV leaves the order of equal responses, which over a third of
+//! keypoints share, to its sorting; ours is defined, so that the same image gives the same features
+//! everywhere.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -116,7 +117,8 @@ struct Scratch {
 }
 
 impl StarBrief {
-    /// An extractor; values it cannot work with are a [`ErrorKind::Config`](fremen::ErrorKind::Config) error.
+    /// An extractor; values it cannot work with are a
+    /// [`ErrorKind::Config`](fremen::ErrorKind::Config) error.
     pub fn new(config: StarBriefConfig) -> Result<Self> {
         Self::with_kernel(config, Kernel::best())
     }
@@ -131,8 +133,8 @@ impl StarBrief {
         })
     }
 
-    /// All keypoints of `image` before the cut and without regard to BRIEF's border, in the order of
-    /// [`Extractor`].
+    /// All keypoints of `image` before the cut and without regard to BRIEF's border, in the order
+    /// of [`Extractor`].
     pub fn detect(&self, image: &GrayImage, mask: Option<&GrayImage>) -> Result<Vec<Keypoint>> {
         check_mask(image, mask)?;
         self.with_scratch(|Scratch { star, .. }| {
@@ -191,7 +193,8 @@ impl Extractor for StarBrief {
                 let (width, height) = (image.width(), image.height());
                 candidates.retain(|keypoint| brief::is_describable(keypoint, width, height));
                 drop_masked(candidates, mask);
-                // The line test costs most and is asked last: of the strongest, until there are enough.
+                // The line test costs most and comes last: of the strongest, until there are
+                // enough.
                 sort_keypoints(candidates);
                 let (keypoints, descriptors) = features.parts_mut();
                 keypoints.clear();

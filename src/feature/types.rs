@@ -81,8 +81,9 @@ impl GrayImage {
         &self.data[y * self.width..][..self.width]
     }
 
-    /// The grey levels that all but the darkest and the brightest hundredth of the pixels lie between, of
-    /// those where `mask` is not zero; `None` if there are none, or the mask has another size.
+    /// The grey levels that all but the darkest and the brightest hundredth of the pixels lie
+    /// between, of those where `mask` is not zero; `None` if there are none, or the mask has
+    /// another size.
     ///
     /// O(pixels). Says whether there is anything to see: a few hot pixels do not count.
     pub fn gray_range(&self, mask: Option<&Self>) -> Option<(u8, u8)> {
@@ -128,7 +129,8 @@ pub struct Keypoint {
     pub response: f32,
 }
 
-/// 256 bits that describe a keypoint's neighbourhood; compared by [`distance_bits`](Self::distance_bits).
+/// 256 bits that describe a keypoint's neighbourhood; compared by
+/// [`distance_bits`](Self::distance_bits).
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 #[repr(transparent)]
 pub struct Descriptor(pub [u64; 4]);

@@ -1,38 +1,42 @@
 //! What may be forgotten, so that a map does not grow for ever?
 //!
-//! A place that exceeds its [`BudgetConfig`] gives up the least useful of its features, down to three quarters of
-//! what it may have, so that this happens once in many visits and a visit costs O(features) on average. No
-//! model is fitted for it: that of the place is at hand (`expectation`).
+//! A place that exceeds its [`BudgetConfig`] gives up the least useful of its features, down to
+//! three quarters of what it may have, so that this happens once in many visits and a visit costs
+//! O(features) on average. No model is fitted for it: that of the place is at hand (`expectation`).
 //!
-//! *Features* go by expected usefulness over the coming year, never by age: the evidence that a feature is
-//! expected to give to a query at this place, in nats,
+//! *Features* go by expected usefulness over the coming year, never by age: the evidence that a
+//! feature is expected to give to a query at this place, in nats,
 //!
 //! ```text
 //! U = mean over t of  p(t) ln(p(t) / q) + (1 - p(t)) ln((1 - p(t)) / (1 - q))
 //! p(t) = (n p_model(t) + n0 p_place) / (n + n0)
-//! q    = (found at other places + 20 * 0.01) / (other places asked + 20)
+//! q    = (found at other places + 20 * 0.01) / (other places searched + 20)
 //! ```
 //!
-//! which is what `localize` adds up: p(t) is how likely it is seen here, q how likely something like it is seen
-//! elsewhere. t runs over [`NUM_TIMES`] moments of the year after the last visit. n is how often it could have been
-//! seen *after* its birth (a birth is no evidence) and `p_place` the rate of all features of the place, so that one that
-//! was born yesterday is neither despised nor taken at its only word. Of a feature younger than the model, `p_model` is
-//! its plain rate.
+//! which is what `localize` adds up: p(t) is how likely it is seen here, q how likely something
+//! like it is seen at another place. t runs over [`NUM_TIMES`] moments of the year after the last
+//! visit. n is how often it could have been seen *after* its birth (a birth is no evidence) and
+//! `p_place` the rate of all features of the place, so that one that was born yesterday is neither
+//! despised nor taken at its only word. Of a feature younger than the model, `p_model` is its plain
+//! rate.
 //!
-//! *Visits* go by lot, not by age: of those before the newest quarter, the ones with the smallest identities stay.
-//! An identity is a hash, so what stays is a uniform sample of the past, whatever its rhythms, and the same
-//! one wherever it is drawn. The newest quarter weighs more than its share of time.
+//! *Visits* go by lot, not by age: of those before the newest quarter, the ones with the smallest
+//! identities stay. An identity is a hash, so what stays is a uniform sample of the past, whatever
+//! its rhythms, and the same one wherever it is drawn. The newest quarter weighs more than its
+//! share of time.
 //!
-//! `Deviation:` the history beyond the horizon is thinned, not folded into sums, because here
-//! sums are the larger of the two. The default model needs 15 of 8 bytes a feature, as much as its states at 960
-//! visits, and 120 products of 8 bytes for each group of features of one age. A log serves every model, is merged by
-//! identity, and can be judged on held-out days. What the sample costs was measured where far more is known
-//! (Brier score of `natural`, `chronotope-eval run door2016 --share 0.005` and so on): a door from 96,480 visits
-//! .0680, from 496 of them by lot .0680, from 204 .0720; ten rooms from 120,960 visits .0491, from 622 .0497, from 252
-//! .0504; by the mean alone .0899 and .0713.
+//! `Deviation:` the history beyond the horizon is thinned, not folded into sums, because here sums
+//! are the larger of the two. The default model needs 15 of 8 bytes a feature, as much as its
+//! states at 960 visits, and 120 products of 8 bytes for each group of features of one age. A log
+//! serves every model, is merged by identity, and can be judged on held-out days. What the sample
+//! costs was measured where far more is known (Brier score of `natural`, `chronotope-eval run
+//! door2016 --share 0.005` and so on): a door from 96,480 visits .0680, from 496 of them by lot
+//! .0680, from 204 .0720; ten rooms from 120,960 visits .0491, from 622 .0497, from 252 .0504; by
+//! the mean alone .0899 and .0713.
 //!
-//! Bytes are those of features, logs and appearances in memory ([`Node::num_bytes`]). Where they are exceeded,
-//! features and visits go in the same proportion; where the whole map exceeds its bytes, at every place.
+//! Bytes are those of features, logs and appearances in memory ([`Node::num_bytes`]). Where they
+//! are exceeded, features and visits go in the same proportion; where the whole map exceeds its
+//! bytes, at every place.
 
 use super::budget_config::BudgetConfig;
 use super::expectation::PlaceModel;
@@ -44,7 +48,8 @@ use fremen::error::Result;
 use fremen::time::Period;
 use fremen::visibility::BitRow;
 
-/// Moments of the coming year at which p(t) is asked for: a prime, so that they fall on all hours and weekdays.
+/// Moments of the coming year at which p(t) is evaluated: a prime, so that they fall on all hours
+/// and weekdays.
 const NUM_TIMES: i64 = 97;
 /// n0: so many visits at the rate of the place are added to those of each feature.
 const RATE_PRIOR: f64 = 2.0;
@@ -147,7 +152,8 @@ pub(super) fn shrink(
     Ok(Shrunk { node, was, kept })
 }
 
-/// Which visits stay: the newest quarter of `num_visits`, and of the others those with the smallest identities.
+/// Which visits stay: the newest quarter of `num_visits`, and of the others those with the smallest
+/// identities.
 fn sample(node: &Node, num_visits: usize) -> Vec<bool> {
     let all = node.visits.len();
     let num_new = num_visits.div_ceil(LEFT_DENOMINATOR).min(all);
@@ -249,7 +255,8 @@ impl Trials {
     }
 }
 
-/// The expected log odds of "here" against "elsewhere", nats (a Kullback-Leibler divergence): never negative.
+/// The expected log odds of "here" against "at another place", nats (a Kullback-Leibler
+/// divergence): never negative.
 fn evidence(p: f64, q: f64) -> f64 {
     let term = |p: f64, q: f64| if p > 0.0 { p * (p / q).ln() } else { 0.0 };
     term(p, q) + term(1.0 - p, 1.0 - q)

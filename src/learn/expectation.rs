@@ -1,16 +1,19 @@
 //! What is expected of a place, without fitting its models at every visit?
 //!
-//! A [`PlaceModel`] is a model of visibility that was fitted some visits ago. It is fitted again when an eighth more
-//! visits were learnt than it knew, or when half of its features are gone. In between it goes on being
-//! used: features that a budget forgot are left out, and those that stayed keep their p(t) under their new number,
-//! because p(t) of a feature depends on its own history alone. So what a budget forgets costs no fit.
+//! A [`PlaceModel`] is a model of visibility that was fitted some visits ago. It is fitted again
+//! when an eighth more visits were learnt than it knew, or when half of its features are gone. In
+//! between it goes on being used: features that a budget forgot are left out, and those that stayed
+//! keep their p(t) under their new number, because p(t) of a feature depends on its own history
+//! alone. So what a budget forgets costs no fit.
 //!
-//! So what a budget forgets may depend on when the process that learns was started: a new one begins with a fresh
-//! fit.
+//! So what a budget forgets may depend on when the process that learns was started: a new one
+//! begins with a fresh fit.
 //!
-//! Features that were born since have no p(t) here: `guard` does not ask for them, and `budget` takes their plain rate.
+//! Features that were born since have no p(t) here: `guard` does not look for them, and `budget`
+//! takes their plain rate.
 //!
-//! A fit is O(visits * features), and there is one in an eighth as many visits: O(features) a visit on average.
+//! A fit is O(visits * features), and there is one in an eighth as many visits: O(features) a visit
+//! on average.
 
 use super::config::LearnConfig;
 use crate::map::Node;
@@ -55,8 +58,8 @@ impl PlaceModel {
         &self.pairs
     }
 
-    /// Writes p(`time`) of the features of the place that the model knows, and leaves the others as they are.
-    /// `known` is memory to work in.
+    /// Writes p(`time`) of the features of the place that the model knows, and leaves the others as
+    /// they are. `known` is memory to work in.
     pub(super) fn predict_into(&self, time: Time, known: &mut Vec<f64>, p: &mut [f64]) {
         known.clear();
         known.resize(self.model.num_features(), 0.0);
@@ -77,7 +80,7 @@ pub(super) fn identity(num_features: usize) -> Vec<(u32, u32)> {
     (0..num_features as u32).map(|id| (id, id)).collect()
 }
 
-/// The models of all places that were asked for.
+/// The models of all places that were needed.
 #[derive(Debug, Default)]
 pub(super) struct Expectations {
     /// By position of the place.
@@ -110,7 +113,8 @@ impl Expectations {
         }
     }
 
-    /// The features of the place at `index` were numbered anew: `was` says what each of them was before.
+    /// The features of the place at `index` were numbered anew: `was` says what each of them was
+    /// before.
     pub(super) fn renumber(&mut self, index: usize, was: &[u32]) {
         let Some(Some(place)) = self.places.get_mut(index) else {
             return;

@@ -1,12 +1,13 @@
 //! What is left of a map if some visits had never been?
 //!
-//! [`forget_session`] takes the visits of one run out of a map: a robot that was carried about, a camera that
-//! was covered, a wrong date. Their rows leave the log, so no model counts them, and features that
-//! nothing else has ever seen leave with them; one that was born then and seen later is born at the first
-//! visit that is left and says anything of it. The rest stays as it was, in the same order.
+//! [`forget_session`] takes the visits of one run out of a map: a robot that was carried about, a
+//! camera that was covered, a wrong date. Their rows leave the log, so no model counts them, and
+//! features that nothing else has ever seen leave with them; one that was born then and seen later
+//! is born at the first visit that is left and says anything of it. The rest stays as it was, in
+//! the same order.
 //!
-//! What is not taken back: sums over all visits (`Reobservation`), and where features of later visits lie that
-//! were placed by means of these.
+//! What is not taken back: sums over all visits (`Reobservation`), and where features of later
+//! visits lie that were placed by means of these.
 //!
 //! O(bytes of the places that change).
 
@@ -17,8 +18,8 @@ use fremen::error::{Error, ErrorKind, Result};
 
 /// The map without the visits of `session`, and how many these were (with those held).
 ///
-/// Places stay, even without visits, so that edges and poses do. Fails with [`ErrorKind::NotFound`] if the map has no such
-/// session.
+/// Places stay, even without visits, so that edges and poses do. Fails with [`ErrorKind::NotFound`]
+/// if the map has no such session.
 pub fn forget_session(map: &Snapshot, session: SessionId) -> Result<(Snapshot, usize)> {
     let mut forgotten = map.clone();
     let mut held = Held::of(map)?;

@@ -1,35 +1,41 @@
 //! Is this visit what it seems to be?
 //!
-//! A map that learns by itself believes its own mistakes, unless each visit is held against what was
-//! expected of it before it is learnt (Krajník et al., IROS 2016, III-C). Three questions, in this order:
+//! A map that learns by itself believes its own mistakes, unless each visit is held against what
+//! was expected of it before it is learnt (Krajník et al., IROS 2016, III-C). Three questions, in
+//! this order:
 //!
 //! 1. Can its time be right? ([`ClockFault`])
-//! 2. Is anything to be seen? An image with fewer than [`GuardConfig::min_features`](super::GuardConfig::min_features) features is *blind*.
-//! 3. Does it agree with the prediction? Of the n features most likely at its time, those that could be
-//!    seen are asked for: *agreement* = seen / asked. It is compared with the agreements of the place's
-//!    own past visits: each was asked for before it was learnt. Of visits that were learnt unasked, runs are
-//!    taken out of the log, and each visit of a run is predicted by a model of the others, from the
-//!    features known before the run.
+//! 2. Is anything to be seen? An image with fewer than
+//!    [`GuardConfig::min_features`](super::GuardConfig::min_features) features is *blind*.
+//! 3. Does it agree with the prediction? Of the n features most likely at its time, those that
+//!    could be seen are looked for: *agreement* = seen / checked. It is compared with the
+//!    agreements of the place's own past visits: each was checked before it was learnt. Of visits
+//!    that were learnt unchecked, runs are taken out of the log, and each visit of a run is
+//!    predicted by a model of the others, from the features known before the run.
 //!
 //! ```text
 //! threshold = tolerance * low * m / (m + 4)
 //! ```
 //!
-//! with m past agreements and *low* the one that a tenth of them lie below (of fewer than ten, the lowest). The
-//! last factor is caution: a few visits do not know how low an honest one may be. An image that agrees less than
-//! *low*, and whose features agree with another place of the map better than with its own, is doubted as well.
+//! with m past agreements and *low* the one that a tenth of them lie below (of fewer than ten, the
+//! lowest). The last factor is caution: a few visits do not know how low an honest one may be. An
+//! image that agrees less than *low*, and whose features agree with another place of the map better
+//! than with its own, is doubted as well.
 //!
-//! No distribution is assumed: an honest visit is as likely to be the lowest as any other, so with m of them
-//! it falls below the lowest once in m + 1 times, and below half of it far less often.
+//! No distribution is assumed: an honest visit is as likely to be the lowest as any other, so with
+//! m of them it falls below the lowest once in m + 1 times, and below half of it far less often.
 //!
-//! A place that was not recognised at all at a tenth of its honest visits (agreement 0) has a *low* and a threshold of 0:
-//! an image that shows nothing of it is usual there. It still refuses what looks like another place: for this *low* is
-//! taken of those visits that were recognised. A place of fewer than [`GuardConfig::min_visits`](super::GuardConfig::min_visits) visits refuses nothing.
+//! A place that was not recognised at all at a tenth of its honest visits (agreement 0) has a *low*
+//! and a threshold of 0: an image that shows nothing of it is usual there. It still refuses what
+//! looks like another place: for this *low* is taken of those visits that were recognised. A place
+//! of fewer than [`GuardConfig::min_visits`](super::GuardConfig::min_visits) visits refuses
+//! nothing.
 //!
-//! Cost: O(features) a visit, and a look at one number for each past visit. The model of a place is refreshed now and
-//! then (`expectation`). Past agreements are found by up to eight fits when a place is first asked for and when it has
-//! twice as many visits; between these each visit adds its own, and what a budget forgets takes its own along. So
-//! both are a constant number of passes over the features a visit on average, with and without a budget.
+//! Cost: O(features) a visit, and a look at one number for each past visit. The model of a place is
+//! refreshed now and then (`expectation`). Past agreements are found by up to eight fits when a
+//! place is first checked and when it has twice as many visits; between these each visit adds its
+//! own, and what a budget forgets takes its own along. So both are a constant number of passes over
+//! the features a visit on average, with and without a budget.
 //!
 //! Not for deciding where an image was taken: that is `localize`. A doubtful visit is not lost
 //! ([`Held`](crate::map::Held)): somebody who knows better may accept it.
@@ -38,7 +44,7 @@ use std::collections::BTreeMap;
 
 use super::config::LearnConfig;
 use super::expectation::{PlaceModel, identity};
-use super::guard_config::MIN_ASKED;
+use super::guard_config::MIN_CHECKED;
 use crate::map::{ClockFault, Doubt, Node, PlaceKey, SessionId, Snapshot};
 use fremen::error::Result;
 use fremen::time::Time;
@@ -67,14 +73,15 @@ pub struct Circumstances {
     pub now: Option<Time>,
     /// The image was taken just now, and after those before it.
     pub is_live: bool,
-    /// The grey levels that all but the darkest and the brightest hundredth of its pixels lie between.
+    /// The grey levels that all but the darkest and the brightest hundredth of its pixels lie
+    /// between.
     pub gray_range: Option<(u8, u8)>,
 }
 
 /// How the visits of one place agreed with what was predicted of them.
 #[derive(Debug)]
 struct Past {
-    /// One for each visit of the place; `None` where too little could be asked.
+    /// One for each visit of the place; `None` where too little could be checked.
     agreements: Vec<Option<f64>>,
     /// Visits of the place when the first of them were found out.
     num_judged: usize,
@@ -86,7 +93,7 @@ pub(super) struct Disagreement {
     agreement: f64,
     usual: Usual,
     threshold: f64,
-    num_asked: usize,
+    num_checked: usize,
 }
 
 /// Past agreements in three numbers.
@@ -127,7 +134,7 @@ impl Disagreement {
             agreement: self.agreement,
             threshold,
             expected: self.usual.median,
-            num_predicted: self.num_asked,
+            num_predicted: self.num_checked,
             looks_like,
         })
     }
@@ -192,8 +199,9 @@ impl Guard {
         None
     }
 
-    /// How a visit agrees with what was predicted of its place, and by how many features that was found; `None` if too
-    /// few of them could be seen. `seen` and `hidden` say what was found of the features known so far.
+    /// How a visit agrees with what was predicted of its place, and by how many features that was
+    /// found; `None` if too few of them could be seen. `seen` and `hidden` say what was found of
+    /// the features known so far.
     pub(super) fn agreement(
         &mut self,
         cfg: &LearnConfig,
@@ -202,12 +210,12 @@ impl Guard {
         seen: &BitRow,
         hidden: Option<&BitRow>,
     ) -> Option<(f64, usize)> {
-        let asked = Asked {
+        let check = Check {
             model: model.model(),
             pairs: model.pairs(),
             num_predicted: cfg.guard().num_predicted(),
         };
-        asked.agreement(time, (seen, hidden), &mut self.scores)
+        check.agreement(time, (seen, hidden), &mut self.scores)
     }
 
     /// What to make of it, if it is less than usual.
@@ -216,7 +224,7 @@ impl Guard {
         cfg: &LearnConfig,
         index: usize,
         node: &Node,
-        (agreement, num_asked): (f64, usize),
+        (agreement, num_checked): (f64, usize),
     ) -> Result<Option<Disagreement>> {
         if self.pasts.len() <= index {
             self.pasts.resize_with(index + 1, || None);
@@ -240,7 +248,7 @@ impl Guard {
             agreement,
             usual,
             threshold: cfg.guard().tolerance() * usual.low * caution,
-            num_asked,
+            num_checked,
         }))
     }
 
@@ -261,7 +269,7 @@ impl Guard {
 }
 
 impl Past {
-    /// Takes runs of visits out of the log and asks for them. Eight fits, at most.
+    /// Takes runs of visits out of the log and checks them. Eight fits, at most.
     fn of(cfg: &LearnConfig, node: &Node, scores: &mut Vec<f64>) -> Result<Self> {
         let log = &node.log;
         let (num_visits, model_cfg) = (log.num_visits(), cfg.experience().visibility());
@@ -277,14 +285,14 @@ impl Past {
                 .for_each(|visit| others.set(visit));
             let model = visibility::fit(log, model_cfg, Visits::Only(&others))?;
             let num_known = log.seen_row(start - 1).len();
-            let asked = Asked {
+            let check = Check {
                 model: &*model,
                 pairs: &identity(num_known.min(model.num_features())),
                 num_predicted: cfg.guard().num_predicted(),
             };
             for visit in start..end {
                 let bits = (log.seen_row(visit), log.hidden_row(visit));
-                let agreement = asked.agreement(log.times()[visit], bits, scores);
+                let agreement = check.agreement(log.times()[visit], bits, scores);
                 agreements.push(agreement.map(|(agreement, _)| agreement));
             }
         }
@@ -295,18 +303,18 @@ impl Past {
     }
 }
 
-/// Who is asked what should be seen.
+/// What should be seen, by a model of the place.
 #[derive(Clone, Copy)]
-struct Asked<'a> {
+struct Check<'a> {
     model: &'a dyn VisibilityModel,
     /// (feature of the place, feature of the model).
     pairs: &'a [(u32, u32)],
     num_predicted: usize,
 }
 
-impl Asked<'_> {
-    /// Which share of the features that are most likely at `time` was seen, and of how many that could be
-    /// seen; `None` if these are too few.
+impl Check<'_> {
+    /// Which share of the features that are most likely at `time` was seen, and of how many that
+    /// could be seen; `None` if these are too few.
     fn agreement(
         self,
         time: Time,
@@ -317,20 +325,20 @@ impl Asked<'_> {
         scores.resize(self.model.num_features(), 0.0);
         self.model.score_into(time, scores);
         let is_hidden = |id: u32| hidden.is_some_and(|hidden| hidden.get(id as usize));
-        let mut asked: Vec<(u32, u32)> = (self.pairs.iter().copied())
+        let mut checked: Vec<(u32, u32)> = (self.pairs.iter().copied())
             .filter(|&(id, _)| !is_hidden(id))
             .collect();
         let likelier = |a: &(u32, u32), b: &(u32, u32)| {
             let (score_a, score_b) = (scores[a.1 as usize], scores[b.1 as usize]);
             score_b.total_cmp(&score_a).then(a.0.cmp(&b.0))
         };
-        if asked.len() > self.num_predicted {
-            asked.select_nth_unstable_by(self.num_predicted, likelier);
-            asked.truncate(self.num_predicted);
+        if checked.len() > self.num_predicted {
+            checked.select_nth_unstable_by(self.num_predicted, likelier);
+            checked.truncate(self.num_predicted);
         }
-        let num_seen = asked.iter().filter(|&&(id, _)| seen.get(id as usize));
-        let share = num_seen.count() as f64 / asked.len() as f64;
-        (asked.len() >= MIN_ASKED).then_some((share, asked.len()))
+        let num_seen = checked.iter().filter(|&&(id, _)| seen.get(id as usize));
+        let share = num_seen.count() as f64 / checked.len() as f64;
+        (checked.len() >= MIN_CHECKED).then_some((share, checked.len()))
     }
 }
 

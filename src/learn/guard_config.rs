@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use fremen::error::{Error, ErrorKind, Result};
 
-/// With fewer features asked for, an agreement says nothing.
-pub(super) const MIN_ASKED: usize = 10;
+/// With fewer features checked, an agreement says nothing.
+pub(super) const MIN_CHECKED: usize = 10;
 
 /// Whose visits are judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -64,9 +64,9 @@ impl GuardConfig {
                 "guard: tolerance lies between 0 and 1, not at {}",
                 self.tolerance
             )
-        } else if self.num_predicted < MIN_ASKED {
+        } else if self.num_predicted < MIN_CHECKED {
             format!(
-                "guard: num-predicted must be at least {MIN_ASKED}, not {}",
+                "guard: num-predicted must be at least {MIN_CHECKED}, not {}",
                 self.num_predicted
             )
         } else if self.min_visits < 2 {
@@ -101,7 +101,7 @@ impl GuardConfig {
         self.clock
     }
 
-    /// A place with fewer visits is not asked whether it agrees.
+    /// Visits of a place with fewer visits than this are not checked for agreement.
     pub fn min_visits(&self) -> usize {
         self.min_visits
     }

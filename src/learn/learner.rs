@@ -50,8 +50,8 @@ impl Learner {
 
     /// Goes on with a map that was learnt with the same configuration.
     ///
-    /// Fails with [`ErrorKind::Format`] if what the map knows of features seen again, or the visits that
-    /// it holds, cannot be read.
+    /// Fails with [`ErrorKind::Format`] if what the map knows of features seen again, or the visits
+    /// that it holds, cannot be read.
     pub fn resume(cfg: LearnConfig, snapshot: Snapshot) -> Result<Self> {
         let reobservation = Reobservation::of(&snapshot)?;
         let held = Held::of(&snapshot)?;
@@ -97,9 +97,10 @@ impl Learner {
 
     /// Learns one visit, or holds it if it is doubtful ([`GuardConfig`]).
     ///
-    /// Fails, and changes nothing, with [`ErrorKind::Shape`] if the image or its mask has another size
-    /// than the map's images, with [`ErrorKind::AlreadyExists`] if the very same visit was learnt before, and with
-    /// [`ErrorKind::Time`] if its time cannot be right and [`ClockPolicy::Refuse`] is set.
+    /// Fails, and changes nothing, with [`ErrorKind::Shape`] if the image or its mask has another
+    /// size than the map's images, with [`ErrorKind::AlreadyExists`] if the very same visit was
+    /// learnt before, and with [`ErrorKind::Time`] if its time cannot be right and
+    /// [`ClockPolicy::Refuse`] is set.
     pub fn observe(&mut self, observation: &Observation<'_>) -> Result<Learnt> {
         self.observe_under(observation, &Circumstances::default())
     }
@@ -115,7 +116,7 @@ impl Learner {
         features.truncate(self.cfg.features_per_visit());
         let (doubt, agreement) = self.judge(observation, &features, circumstances)?;
         let Some(doubt) = doubt else {
-            return self.take_in(visit, observation, features, agreement);
+            return self.integrate(visit, observation, features, agreement);
         };
         self.held_has_changed = true;
         let num_dropped = self.held.push(HeldVisit {
@@ -143,9 +144,10 @@ impl Learner {
 
     /// Learns a visit that is held, without judging it again.
     ///
-    /// Fails, and changes nothing, with [`ErrorKind::NotFound`] if no such visit is held, with [`ErrorKind::AlreadyExists`] if the map has learnt it
-    /// meanwhile, with [`ErrorKind::Shape`] if the map's images have another size by now, and with
-    /// [`ErrorKind::Format`] if its mask does not fit its image.
+    /// Fails, and changes nothing, with [`ErrorKind::NotFound`] if no such visit is held, with
+    /// [`ErrorKind::AlreadyExists`] if the map has learnt it meanwhile, with [`ErrorKind::Shape`]
+    /// if the map's images have another size by now, and with [`ErrorKind::Format`] if its mask
+    /// does not fit its image.
     pub fn accept(&mut self, id: VisitId) -> Result<Learnt> {
         let waiting = self.held.visits().iter().find(|it| it.id == id);
         let mask = match waiting {
@@ -176,7 +178,7 @@ impl Learner {
             Doubt::Disagreement { agreement, .. } => Some(agreement),
             Doubt::Blind { .. } | Doubt::Clock { .. } => None,
         };
-        self.take_in(visit, &observation, features, agreement)
+        self.integrate(visit, &observation, features, agreement)
     }
 
     /// Whether a visit that is held can be learnt into the map as it is by now; gives its mask.
@@ -210,8 +212,8 @@ impl Learner {
         })
     }
 
-    /// Why a visit should not be learnt, if something speaks against it, and how it agrees with its place, if that
-    /// was asked.
+    /// Why a visit should not be learnt, if something speaks against it, and how it agrees with its
+    /// place, if that was requested.
     fn judge(
         &mut self,
         observation: &Observation<'_>,
@@ -268,21 +270,21 @@ impl Learner {
         };
         let model = self.expectations.of(&self.cfg, index, node)?;
         let hidden = found.hidden.as_ref();
-        let asked = guard.agreement(&self.cfg, model, observation.time, &found.seen, hidden);
-        let Some(asked) = asked else {
+        let agreement = guard.agreement(&self.cfg, model, observation.time, &found.seen, hidden);
+        let Some(agreement) = agreement else {
             return Ok((None, None));
         };
-        let disagreement = guard.disagreement(&self.cfg, index, node, asked)?;
+        let disagreement = guard.disagreement(&self.cfg, index, node, agreement)?;
         let doubt = disagreement.and_then(|disagreement| {
-            let looks_like = self.look_elsewhere(index, observation, features, &found);
+            let looks_like = self.match_other_places(index, observation, features, &found);
             disagreement.judged(looks_like)
         });
-        Ok((doubt, Some(asked.0)))
+        Ok((doubt, Some(agreement.0)))
     }
 
-    /// The other place that most of the image's features agree with, if it is more than do so with the
-    /// place at `own`. O(features of all places).
-    fn look_elsewhere(
+    /// The other place that most of the image's features agree with, if it is more than do so with
+    /// the place at `own`. O(features of all places).
+    fn match_other_places(
         &mut self,
         own: usize,
         observation: &Observation<'_>,
@@ -313,8 +315,9 @@ impl Learner {
         )
     }
 
-    /// Learns a visit, whatever it looks like; `agreement` says how well it looked as predicted, if that was asked.
-    fn take_in(
+    /// Learns a visit, whatever it looks like; `agreement` says how well it looked as predicted, if
+    /// that was requested.
+    fn integrate(
         &mut self,
         visit: Visit,
         observation: &Observation<'_>,
@@ -498,9 +501,9 @@ impl Learner {
         self.snapshot.nodes.len() - 1
     }
 
-    /// Localises an image by the experiences so far: a bit for each experience of its own place, one
-    /// if it scores higher than every experience of the other places, and a last bit for the image
-    /// itself where none does and it becomes one.
+    /// Localises an image by the experiences so far: a bit for each experience of its own place,
+    /// one if it scores higher than every experience of the other places, and a last bit for the
+    /// image itself where none does and it becomes one.
     fn recall(&mut self, own: usize, live: FeaturesView<'_>) -> (BitRow, bool) {
         let remembers = self.cfg.keep_appearances() != KeepAppearances::None
             || self.cfg.recipe() == Recipe::Reference;
@@ -567,7 +570,8 @@ impl Scratch {
         matcher.matches_into(&mut self.matching, map, live, &mut self.matches);
         match cfg.experience().score() {
             Score::Count => self.matches.len() as u32,
-            // Refused by the configuration: there is nothing to calibrate with while the map is made.
+            // Refused by the configuration: there is nothing to calibrate with while the map is
+            // made.
             Score::Inliers | Score::Likelihood => {
                 displacements_into(
                     &self.matches,

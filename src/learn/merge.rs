@@ -2,29 +2,31 @@
 //!
 //! A map is taken for a set of statements, and merging is the union of such sets:
 //!
-//! - there is a place (with this pose), an edge, a visit (with this session, time, appearance, use);
+//! - there is a place (with this pose), an edge, a visit (with this session, time, appearance,
+//!   use);
 //! - there is a feature: a keypoint with a descriptor, exactly these numbers;
 //! - the feature was seen, or not seen, at the visit; *not observable* is no statement;
 //! - the experience would by itself have located the later visit.
 //!
 //! Where two maps differ about a visit that both know, the stronger statement holds (seen over not
-//! seen, an appearance over none, the larger over the smaller, an experience over a recognised visit), so
-//! every rule is a maximum and merging is commutative, associative and idempotent. The result is a
-//! function of the union alone: places by key, visits by time and identity, a feature born at the first
-//! visit that says anything of it, among those of a visit the strongest first. A map merged with itself
-//! is its canonical form.
+//! seen, an appearance over none, the larger over the smaller, an experience over a recognised
+//! visit), so every rule is a maximum and merging is commutative, associative and idempotent. The
+//! result is a function of the union alone: places by key, visits by time and identity, a feature
+//! born at the first visit that says anything of it, among those of a visit the strongest first. A
+//! map merged with itself is its canonical form.
 //!
-//! A feature that only one of the maps has was not looked for at the visits of the other, so it was *not
-//! observable* there: nothing is invented. The price: what two robots saw of one lamp stays two features, each
-//! with its own half of the history, in the frame of its own map's first visit. [`relearn`] avoids that where
-//! all images' features were kept: it learns the union's visits again in canonical order, which is a function
-//! of their set, too.
+//! A feature that only one of the maps has was not looked for at the visits of the other, so it was
+//! *not observable* there: nothing is invented. The price: what two robots saw of one lamp stays
+//! two features, each with its own half of the history, in the frame of its own map's first visit.
+//! [`relearn`] avoids that where all images' features were kept: it learns the union's visits again
+//! in canonical order, which is a function of their set, too.
 //!
-//! Of the attachments, what was counted of features seen again ([`Reobservation`]) and the visits that are held
-//! ([`Held`], unless one of the maps has learnt them) are merged; others describe one map and are left out.
+//! Of the attachments, what was counted of features seen again ([`Reobservation`]) and the visits
+//! that are held ([`Held`], unless one of the maps has learnt them) are merged; others describe one
+//! map and are left out.
 //!
-//! O(places * visits * features / 64 + bytes). Not for: maps with different extractors, image sizes or
-//! poses, which are conflicts.
+//! O(places * visits * features / 64 + bytes). Not for: maps with different extractors, image sizes
+//! or poses, which are conflicts.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -41,17 +43,19 @@ use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
 use fremen::visibility::BitRow;
 
-/// Conflicts told in one message, at most.
+/// Conflicts listed in one message, at most.
 const MAX_TOLD: usize = 10;
 
 /// Merges maps, in any order and grouping, into the canonical form of their union.
 ///
-/// The result has the smallest UUID, of the attachments those that can be merged, and is of generation 0. [`ErrorKind::Config`] names the conflicts: maps that differ in extractor, image
-/// size, crop, preset or zone, or in the pose of a place, and visits with one identity and two times.
+/// The result has the smallest UUID, of the attachments those that can be merged, and is of
+/// generation 0. [`ErrorKind::Config`] names the conflicts: maps that differ in extractor, image
+/// size, crop, preset or zone, or in the pose of a place, and visits with one identity and two
+/// times.
 ///
 /// # Errors
-/// Also if there is no map, if a place would have more features than a map may hold, or if an attachment
-/// that is merged cannot be read.
+/// Also if there is no map, if a place would have more features than a map may hold, or if an
+/// attachment that is merged cannot be read.
 pub fn merge(maps: &[&Snapshot]) -> Result<Snapshot> {
     let mut union = Union::default();
     let mut held = Held::default();
@@ -66,7 +70,7 @@ pub fn merge(maps: &[&Snapshot]) -> Result<Snapshot> {
         }
     }
     if !union.conflicts.is_empty() {
-        let told: Vec<&str> = (union.conflicts.iter().map(String::as_str))
+        let listed: Vec<&str> = (union.conflicts.iter().map(String::as_str))
             .take(MAX_TOLD)
             .collect();
         return Err(Error::new(
@@ -74,7 +78,7 @@ pub fn merge(maps: &[&Snapshot]) -> Result<Snapshot> {
             format!(
                 "the maps contradict each other in {} points: {}{}",
                 union.conflicts.len(),
-                told.join("; "),
+                listed.join("; "),
                 if union.conflicts.len() > MAX_TOLD {
                     "; ..."
                 } else {
@@ -106,8 +110,9 @@ pub fn merge(maps: &[&Snapshot]) -> Result<Snapshot> {
 
 /// Learns all visits of a map again, in order of time and identity, from their own features.
 ///
-/// The result is a function of the set of visits and the configuration; what is held stays held. Masks are not kept
-/// with a visit that was learnt: what one hid counts as not seen here. [`ErrorKind::NotFound`] if a visit's features were not kept.
+/// The result is a function of the set of visits and the configuration; what is held stays held.
+/// Masks are not kept with a visit that was learnt: what one hid counts as not seen here.
+/// [`ErrorKind::NotFound`] if a visit's features were not kept.
 pub fn relearn(cfg: LearnConfig, map: &Snapshot) -> Result<Snapshot> {
     let mut visits: Vec<(&Node, &Visit)> = (map.nodes.iter())
         .flat_map(|node| node.visits.iter().map(move |visit| (&**node, visit)))
@@ -149,7 +154,8 @@ pub fn relearn(cfg: LearnConfig, map: &Snapshot) -> Result<Snapshot> {
         let mut again = (learnt.find(&node.key))
             .map_or_else(|| Node::new(node.key.clone()), |id| learnt.node(id).clone());
         again.pose = node.pose;
-        // The identity is that of the image, of which only the strongest features may have been kept.
+        // The identity is that of the image, of which only the strongest features may have been
+        // kept.
         let ids = visits.iter().filter(|(of, _)| of.key == node.key);
         for (visit, (_, original)) in again.visits.iter_mut().zip(ids) {
             visit.id = original.id;
@@ -203,7 +209,7 @@ fn merge_meta(meta: &mut MapMeta, other: &MapMeta, conflicts: &mut Vec<String>) 
         format!("{:?}", meta.crop),
         format!("{:?}", other.crop),
     );
-    // What one of the maps does not know yet the other may tell.
+    // What one of the maps does not know yet the other may know.
     if let (Some(a), Some(b)) = (meta.image_size, other.image_size) {
         differ(
             "image size",

@@ -1,12 +1,12 @@
 //! Which features were seen again, which are new? (one visit at a time)
 //!
-//! 1. Each feature of the place takes its nearest live feature within the distance threshold; a live
-//!    feature goes to the nearest of those that want it.
+//! 1. Each feature of the place takes its nearest live feature within the distance threshold; a
+//!    live feature goes to the nearest of those that want it.
 //! 2. The displacement that most pairs agree on is the camera's; the pairs that agree were *seen*.
-//! 3. Live features that no agreeing pair uses are *born*, moved back by the displacement, so that all
-//!    features of a place share the frame of its first visit.
-//! 4. Features that the displacement moves out of the image, or under the mask, were *not observable*;
-//!    neither was anything in an image without any features (a black one).
+//! 3. Live features that no agreeing pair uses are *born*, moved back by the displacement, so that
+//!    all features of a place share the frame of its first visit.
+//! 4. Features that the displacement moves out of the image, or under the mask, were *not
+//!    observable*; neither was anything in an image without any features (a black one).
 
 use super::config::LearnConfig;
 use super::visit::{Found, Observation, Scratch};

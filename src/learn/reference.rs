@@ -1,8 +1,8 @@
 //! Which features does a place have, and at which visits were they visible? (the reference recipe)
 //!
-//! While images come, [`find`] adds those live features that fail the ratio test both ways. When the
-//! log is needed, [`write_log`] looks for every feature of the place in every image of it, one way, so
-//! that a feature can be visible before the visit it was first noticed in.
+//! While images come, [`find`] adds those live features that fail the ratio test both ways. When
+//! the log is needed, [`write_log`] looks for every feature of the place in every image of it, one
+//! way, so that a feature can be visible before the visit it was first noticed in.
 
 use super::config::LearnConfig;
 use super::visit::Found;

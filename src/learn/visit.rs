@@ -36,8 +36,8 @@ pub struct Learnt {
     pub experience: bool,
     /// Why it was held instead; nothing else changed then.
     pub doubt: Option<Doubt>,
-    /// Features and visits that were forgotten to keep to the budget: the map does not extend its past
-    /// then, and is stored by [`Map::replace`](crate::map::Map::replace).
+    /// Features and visits that were forgotten to keep to the budget: the map does not extend its
+    /// past then, and is stored by [`Map::replace`](crate::map::Map::replace).
     pub num_forgotten: usize,
 }
 
@@ -51,7 +51,8 @@ pub(super) struct Found {
     pub(super) hidden: Option<BitRow>,
     /// How the camera moved against the place's frame, where that was recognised.
     pub(super) displacement: Option<Displacement>,
-    /// Of each feature that was seen again: the distance between its descriptor and the live one, bits.
+    /// Of each feature that was seen again: the distance between its descriptor and the live one,
+    /// bits.
     pub(super) distances: Vec<u16>,
 }
 

@@ -56,40 +56,43 @@ impl RobotConfig {
         self
     }
 
-    /// Whether what is worked out of a map is kept in a file beside it. A robot that learns has none.
+    /// Whether what is worked out of a map is kept in a file beside it. A robot that learns has
+    /// none.
     #[must_use]
     pub fn with_index_cache(mut self, index_cache: QueryForm) -> Self {
         self.index_cache = index_cache;
         self
     }
 
-    /// Takes the images as one way: what was believed before moves along the map's edges and counts too.
-    /// Needs the score `likelihood`.
+    /// Takes the images as one way: what was believed before moves along the map's edges and counts
+    /// too. Needs the score `likelihood`.
     #[must_use]
     pub fn with_tracking(mut self, motion: MotionConfig) -> Self {
         self.motion = Some(motion);
         self
     }
 
-    /// Uses nothing of an image where `mask` is 0: the robot's own arm, a dirty lens. Of the image's size.
+    /// Uses nothing of an image where `mask` is 0: the robot's own arm, a dirty lens. Of the
+    /// image's size.
     #[must_use]
     pub fn with_mask(mut self, mask: GrayImage) -> Self {
         self.mask = Some(mask);
         self
     }
 
-    /// Learns each located image as a visit of its place, and commits what was learnt to the map's file.
+    /// Learns each located image as a visit of its place, and commits what was learnt to the map's
+    /// file.
     ///
-    /// That happens on a second thread: an image that finds it busy is answered but not learnt, and answers
-    /// go on with what was learnt as soon as that is ready.
+    /// That happens on a second thread: an image that finds it busy is answered but not learnt, and
+    /// answers go on with what was learnt as soon as that is ready.
     #[must_use]
     pub fn with_learning(mut self, learn: LearnConfig) -> Self {
         self.learn = Some(learn);
         self
     }
 
-    /// Learns between images instead of on a second thread: slower, every located image is learnt, and the
-    /// same images give the same map.
+    /// Learns between images instead of on a second thread: slower, every located image is learnt,
+    /// and the same images give the same map.
     #[must_use]
     pub fn with_learning_inline(mut self, learn: LearnConfig) -> Self {
         self.learn = Some(learn);
@@ -97,8 +100,8 @@ impl RobotConfig {
         self
     }
 
-    /// The images were taken at some time before, not just now: they may come in any order of time, and one
-    /// that is given twice is one visit.
+    /// The images were taken at some time before, not just now: they may come in any order of time,
+    /// and one that is given twice is one visit.
     #[must_use]
     pub fn with_recorded_images(mut self) -> Self {
         self.is_live = false;

@@ -1,8 +1,8 @@
 //! How does a robot keep knowing where it is, image after image?
 //!
-//! A [`Robot`] owns the loop that every program on a robot would write: extract, localise, follow the
-//! motion if wanted, learn what was located, commit when it is due, go on with the newer map. What one
-//! image costs is extraction and localisation; learning happens on a second thread.
+//! A [`Robot`] owns the loop that every program on a robot would write: extract, localise, follow
+//! the motion if wanted, learn what was located, commit when it is due, go on with the newer map.
+//! What one image costs is extraction and localisation; learning happens on a second thread.
 //!
 //! ```no_run
 //! use chronotope::feature::{LoadOptions, load_gray};
@@ -20,17 +20,18 @@
 //!
 //! # What may go wrong on a robot
 //!
-//! - *A covered or black camera*: there is nothing to match, so the answer is unknown, and what is not
-//!   located is not learnt.
-//! - *A clock that jumps*: an image is answered for the time on its stamp. It is not learnt but quarantined
-//!   where the stamp contradicts the robot's own clock or the images before
+//! - *A covered or black camera*: there is nothing to match, so the answer is unknown, and what is
+//!   not located is not learnt.
+//! - *A clock that jumps*: an image is answered for the time on its stamp. It is not learnt but
+//!   quarantined where the stamp contradicts the robot's own clock or the images before
 //!   ([`GuardConfig`](crate::learn::GuardConfig)).
-//! - *A learner that cannot keep up*, a full disk, a map that somebody else changed: answers go on. What was
-//!   not learnt is counted ([`Totals`]) and reported ([`Event`]).
-//! - *The end*: [`Robot::finish`] commits what is left and says what failed; dropping a robot commits too.
+//! - *A learner that cannot keep up*, a full disk, a map that somebody else changed: answers go on.
+//!   What was not learnt is counted ([`Totals`]) and reported ([`Event`]).
+//! - *The end*: [`Robot::finish`] commits what is left and says what failed; dropping a robot
+//!   commits too.
 //!
-//! The map that answers changes only at the beginning of [`Robot::see`], so everything that was said of one
-//! image belongs to one snapshot.
+//! The map that answers changes only at the beginning of [`Robot::see`], so everything that was
+//! said of one image belongs to one snapshot.
 
 mod config;
 mod event;
@@ -69,7 +70,8 @@ pub struct Frame<'a> {
 }
 
 impl<'a> Frame<'a> {
-    /// An image of which only the pixels are known: methods that need a time fail, and it is not learnt.
+    /// An image of which only the pixels are known: methods that need a time fail, and it is not
+    /// learnt.
     pub fn new(image: &'a GrayImage) -> Self {
         Self {
             image,
@@ -117,7 +119,8 @@ enum Teaching {
     Thread(Worker),
 }
 
-/// A map, a camera's features, and what is believed: localises image after image and learns from them.
+/// A map, a camera's features, and what is believed: localises image after image and learns from
+/// them.
 ///
 /// Not for batches of images at once: a [`Localizer`] is shared by threads, a robot has one owner.
 pub struct Robot {
@@ -151,9 +154,9 @@ impl std::fmt::Debug for Robot {
 impl Robot {
     /// Opens a map; its extractor finds the features of every image.
     ///
-    /// Fails as [`Localizer::open_by`] does, and with [`ErrorKind::Config`] if the robot shall learn but the
-    /// map may not be written or the recipe cannot learn image by image, or if it shall track but places are
-    /// not ranked by likelihood.
+    /// Fails as [`Localizer::open_by`] does, and with [`ErrorKind::Config`] if the robot shall
+    /// learn but the map may not be written or the recipe cannot learn image by image, or if it
+    /// shall track but places are not ranked by likelihood.
     pub fn open(path: impl AsRef<Path>, cfg: RobotConfig) -> Result<Self> {
         let path = path.as_ref();
         let (localizer, learner) = match cfg.learn {
@@ -216,8 +219,8 @@ impl Robot {
 
     /// Says where an image was taken, at `time`; learns it if that is wanted and it was located.
     ///
-    /// Fails if the image has another size than the map's images, or the method needs what is missing. What
-    /// goes wrong with learning is an [`Event`] and no failure.
+    /// Fails if the image has another size than the map's images, or the method needs what is
+    /// missing. What goes wrong with learning is an [`Event`] and no failure.
     pub fn see(&mut self, image: &GrayImage, time: Time) -> Result<&Localization> {
         self.see_frame(&Frame::new(image).at(time))
     }
@@ -252,7 +255,8 @@ impl Robot {
         Ok(&self.answer)
     }
 
-    /// Waits until everything that was located has been learnt and commits it; the robot is ready as before.
+    /// Waits until everything that was located has been learnt and commits it; the robot is ready
+    /// as before.
     ///
     /// Fails as [`OnlineLearner::commit`] does.
     pub fn commit(&mut self) -> Result<()> {

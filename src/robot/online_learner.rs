@@ -8,19 +8,19 @@ use crate::learn::{Circumstances, LearnConfig, Learner, Learnt, Observation};
 use crate::map::{Map, Snapshot};
 use fremen::error::Result;
 
-/// After a commit, at least this many times as long as it took passes before the next: commits take at most
-/// a tenth of the time.
+/// After a commit, at least this many times as long as it took passes before the next: commits take
+/// at most a tenth of the time.
 const REST_PER_COMMIT: u32 = 9;
 
-/// A map within a budget has at most this many generations; then all but the last few are pruned, so that
-/// the file does not grow although the map does not.
+/// A map within a budget has at most this many generations; then all but the last few are pruned,
+/// so that the file does not grow although the map does not.
 const MOST_GENERATIONS: usize = 8;
 const KEPT_GENERATIONS: usize = 4;
 
 /// A map file and the learner that goes on with it: learns visits, commits when it is time.
 ///
-/// [`Robot`](super::Robot) has one where it learns; a program that learns labelled images, whose places it
-/// knows, uses it alone. Nothing is committed when it is dropped.
+/// [`Robot`](super::Robot) has one where it learns; a program that learns labelled images, whose
+/// places it knows, uses it alone. Nothing is committed when it is dropped.
 #[derive(Debug)]
 pub struct OnlineLearner {
     map: Map,
@@ -42,7 +42,8 @@ pub struct Committed {
 }
 
 impl OnlineLearner {
-    /// Goes on with `map`; commits are due at most every `interval`, less often where they take long.
+    /// Goes on with `map`; commits are due at most every `interval`, less often where they take
+    /// long.
     ///
     /// Fails as [`Learner::resume`] does.
     pub fn new(map: Map, cfg: LearnConfig, interval: Duration) -> Result<Self> {
@@ -89,9 +90,9 @@ impl OnlineLearner {
 
     /// Commits what was learnt as a generation of the file.
     ///
-    /// Where a budget made the learner forget, and generations have become many, all but the last few are
-    /// pruned. Fails as [`Map::replace`] and [`Map::prune`] do; what was learnt is still there then, and the
-    /// call can be repeated.
+    /// Where a budget made the learner forget, and generations have become many, all but the last
+    /// few are pruned. Fails as [`Map::replace`] and [`Map::prune`] do; what was learnt is still
+    /// there then, and the call can be repeated.
     pub fn commit(&mut self) -> Result<Committed> {
         let begun = Instant::now();
         let snapshot = self.learner.snapshot()?;

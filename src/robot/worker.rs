@@ -1,8 +1,9 @@
 //! How does a robot learn without keeping an image waiting?
 //!
-//! A thread owns the learner. Images reach it through a short queue, which is left out where it is full, as
-//! a camera's driver does; its reports come back through another one. After each commit the thread fits a
-//! localiser to the newer map, predicts for the time of the latest image, and lays it ready.
+//! A thread owns the learner. Images reach it through a short queue, which is left out where it is
+//! full, as a camera's driver does; its reports come back through another one. After each commit
+//! the thread fits a localiser to the newer map, predicts for the time of the latest image, and
+//! lays it ready.
 
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};

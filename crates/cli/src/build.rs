@@ -2,10 +2,10 @@
 //!
 //! Visits are learnt in order of time into `MAP.part`, and committed every few seconds. Only the
 //! finished map gets the name MAP, so what bears it is whole. The same command goes on where an
-//! interrupted one stopped: the part's UUID is derived from dataset, extractor and configuration, so a
-//! part of another build is refused, and visits it holds (same session, place, time and source) are
-//! not read again. The reference recipe (preset `lttl`) can write its log only once all images are
-//! known: it commits once, at the end, and starts again if it is interrupted.
+//! interrupted one stopped: the part's UUID is derived from dataset, extractor and configuration,
+//! so a part of another build is refused, and visits it holds (same session, place, time and
+//! source) are not read again. The reference recipe (preset `lttl`) can write its log only once all
+//! images are known: it commits once, at the end, and starts again if it is interrupted.
 //!
 //! An update learns into the map itself: each commit is a generation that can be returned to.
 
@@ -39,10 +39,10 @@ const IMAGES_PER_THREAD: usize = 8;
 
 /// Learn a map from images of known places and times.
 ///
-/// Ctrl-C loses nothing: visits are committed to MAP.part every few seconds, and the same command goes
-/// on where it stopped; the finished map is then renamed to MAP. With the reference recipe (preset
-/// `lttl`) visibility is known only once all images are: it commits once, at the end. Images that
-/// cannot be used are left out, counted and listed.
+/// Ctrl-C loses nothing: visits are committed to MAP.part every few seconds, and the same command
+/// goes on where it stopped; the finished map is then renamed to MAP. With the reference recipe
+/// (preset `lttl`) visibility is known only once all images are: it commits once, at the end.
+/// Images that cannot be used are left out, counted and listed.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -61,12 +61,14 @@ pub(super) struct BuildArgs {
     /// The file to write; one that exists is never overwritten.
     #[arg(long, value_name = "MAP", required_unless_present = "print_config")]
     out: Option<PathBuf>,
-    /// Where all numbers come from: our own (default), or the recipe of the FreMEn authors' benchmark.
+    /// Where all numbers come from: our own (default), or the recipe of the FreMEn authors'
+    /// benchmark.
     #[arg(long, default_value = "default", value_parser = named::<Preset>(Preset::ALL.map(Preset::name)))]
     preset: Preset,
     #[command(flatten)]
     config: ConfigArgs,
-    /// Which visits keep their own features, for the experience methods (of the preset if not given).
+    /// Which visits keep their own features, for the experience methods (of the preset if not
+    /// given).
     #[arg(long, value_name = "WHICH")]
     keep_appearances: Option<Keep>,
     #[command(flatten)]
@@ -76,9 +78,9 @@ pub(super) struct BuildArgs {
 /// Learn more images of known places and times into a map.
 ///
 /// Visits that the map has already (same dataset, place, time and image) are not read again, so the
-/// same command can be repeated. Every few seconds what was learnt is committed as a generation, and
-/// `map rollback` returns to any of them. With the reference recipe (preset `lttl`) all of the map is
-/// written anew, once, at the end. Give the numbers that the map was built with.
+/// same command can be repeated. Every few seconds what was learnt is committed as a generation,
+/// and `map rollback` returns to any of them. With the reference recipe (preset `lttl`) all of the
+/// map is written anew, once, at the end. Give the numbers that the map was built with.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -93,7 +95,8 @@ pub(super) struct UpdateArgs {
     /// TOML with the table [learn]; a key that is given replaces that of the map's preset.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Which visits keep their own features, for the experience methods (of the preset if not given).
+    /// Which visits keep their own features, for the experience methods (of the preset if not
+    /// given).
     #[arg(long, value_name = "WHICH")]
     keep_appearances: Option<Keep>,
     #[command(flatten)]
@@ -318,7 +321,7 @@ impl Build {
         }
     }
 
-    /// Learns what the part does not hold yet; false if it was asked to stop.
+    /// Learns what the part does not hold yet; false if it was interrupted.
     fn learn(&mut self) -> Result<bool> {
         let known = self.known_visits();
         let entries = std::mem::take(&mut self.dataset.entries);
@@ -405,7 +408,7 @@ impl Build {
         let learnt = (self.learner).observe(&observation, &circumstances)?;
         if let Some(doubt) = &learnt.doubt {
             self.num_held += 1;
-            held::tell(&entry.id, doubt, &self.out);
+            held::print_held(&entry.id, doubt, &self.out);
             return Ok(());
         }
         self.num_learnt += 1;
@@ -446,8 +449,8 @@ impl Build {
                 }),
             }
         }
-        // With the reference recipe, what is visible in a new image may change what was visible in an old one; with
-        // a budget, something may have been forgotten.
+        // With the reference recipe, what is visible in a new image may change what was visible in
+        // an old one; with a budget, something may have been forgotten.
         self.learner.commit_snapshot(&snapshot)?;
         let Some(part) = &self.part else {
             return Ok(self.learner.map().snapshot());

@@ -14,8 +14,8 @@ use chronotope::map::{Map, Snapshot};
 
 /// Keep with a map what its past visits say about matches, so that `localize` starts at once.
 ///
-/// Without it every start asks them anew. Answers are the same. What is kept is for the map as it is and
-/// for these numbers; after more visits, or with other numbers, it is not used.
+/// Without it every start queries them anew. Answers are the same. What is kept is for the map as
+/// it is and for these numbers; after more visits, or with other numbers, it is not used.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:

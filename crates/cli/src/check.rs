@@ -12,9 +12,9 @@ use chronotope::dataset::{Dataset, Manifest};
 
 /// Decode every image of a dataset, count, and list what is wrong.
 ///
-/// Missing and broken files, crops outside their image, second rows of a place and time, differences
-/// from checksums; images with the same pixels are listed, but are no fault. Exit code 1 if there is a
-/// problem.
+/// Missing and broken files, crops outside their image, second rows of a place and time,
+/// differences from checksums; images with the same pixels are listed, but are no fault. Exit code
+/// 1 if there is a problem.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:

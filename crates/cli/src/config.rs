@@ -1,8 +1,9 @@
 //! Which numbers are in effect?
 //!
 //! A configuration file has the tables `[learn]` ([`LearnConfig`]), `[localize]`
-//! ([`LocalizerConfig`]) and `[motion]` ([`MotionConfig`]). A key in them replaces that of the preset; if it is a table itself, it
-//! replaces the preset's as a whole. Options of the command come last.
+//! ([`LocalizerConfig`]) and `[motion]` ([`MotionConfig`]). A key in them replaces that of the
+//! preset; if it is a table itself, it replaces the preset's as a whole. Options of the command
+//! come last.
 
 use std::path::Path;
 

@@ -35,11 +35,12 @@ pub(super) struct ExportArgs {
     canonical: bool,
 }
 
-/// Make a map of a folder that `map export` has written, or of maps of the FreMEn authors' benchmark.
+/// Make a map of a folder that `map export` has written, or of maps of the FreMEn authors'
+/// benchmark.
 ///
-/// Those are YAML files of OpenCV's `FileStorage`, one a place; the name of the file becomes that of
-/// the place. Their times are taken for seconds since 1970. They hold no images' own features, so the
-/// experience methods cannot be used with such a map.
+/// Those are YAML files of OpenCV's `FileStorage`, one a place; the name of the file becomes that
+/// of the place. Their times are taken for seconds since 1970. They hold no images' own features,
+/// so the experience methods cannot be used with such a map.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -60,7 +61,7 @@ pub(super) fn export(args: &ExportArgs, out: &mut Output) -> Result<Outcome> {
         snapshot = learn::merge(&[&snapshot])?.into();
     }
     snapshot.export(&args.folder)?;
-    tell(out, &args.folder, &snapshot)
+    print_summary(out, &args.folder, &snapshot)
 }
 
 pub(super) fn import(args: &ImportArgs, out: &mut Output) -> Result<Outcome> {
@@ -70,10 +71,10 @@ pub(super) fn import(args: &ImportArgs, out: &mut Output) -> Result<Outcome> {
         files => import_yaml(files)?,
     };
     new_map::write(&args.out, &snapshot)?;
-    tell(out, &args.out, &snapshot)
+    print_summary(out, &args.out, &snapshot)
 }
 
-fn tell(out: &mut Output, path: &Path, snapshot: &Snapshot) -> Result<Outcome> {
+fn print_summary(out: &mut Output, path: &Path, snapshot: &Snapshot) -> Result<Outcome> {
     let summary = snapshot.summary();
     out.line(format_args!(
         "{}: {} places, {} visits, {} features",
@@ -108,7 +109,8 @@ fn import_yaml(files: &[PathBuf]) -> Result<Snapshot> {
     Ok(snapshot)
 }
 
-/// All features are born at the first visit: the recipe of the benchmark looks for each in every image.
+/// All features are born at the first visit: the recipe of the benchmark looks for each in every
+/// image.
 fn node_of(key: PlaceKey, place: &FileStorageMap) -> chronotope::Result<Node> {
     let mut node = Node::new(key);
     let session = SessionId::derive("reference benchmark");

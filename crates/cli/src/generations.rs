@@ -30,8 +30,8 @@ pub(super) struct LogArgs {
 
 /// Make a map again what it was at a generation.
 ///
-/// This is a new generation on top of the old one: nothing is lost, and what is rolled back now can be
-/// returned to in the same way.
+/// This is a new generation on top of the old one: nothing is lost, and what is rolled back now can
+/// be returned to in the same way.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -48,7 +48,8 @@ pub(super) struct RollbackArgs {
 /// Forget old generations and make the file smaller.
 ///
 /// The map stays what it is; only the way back to the generations that go is lost. Those that are
-/// named by any of the options stay, the first, the newest and those where two lines part do anyway.
+/// named by any of the options stay, the first, the newest and those where two lines part do
+/// anyway.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:

@@ -16,9 +16,9 @@ use chronotope::map::{Held, HeldVisit, Map, SessionId, Snapshot, VisitId};
 
 /// List the visits that a map holds without having learnt them, each with the reason.
 ///
-/// While it learns on, a map holds what does not agree with what was predicted of its place, images on which
-/// next to nothing is to be seen, and times that cannot be right. `map accept` learns such a
-/// visit after all, `map drop` forgets it.
+/// While it learns on, a map holds what does not agree with what was predicted of its place, images
+/// on which next to nothing is to be seen, and times that cannot be right. `map accept` learns such
+/// a visit after all, `map drop` forgets it.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -71,7 +71,8 @@ struct Which {
 
 /// Forget all visits of one run of the robot.
 ///
-/// This is a new generation: `map rollback` brings them back. Places stay, also where no visits are left.
+/// This is a new generation: `map rollback` brings them back. Places stay, also where no visits are
+/// left.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -224,7 +225,7 @@ fn one(held: &[HeldVisit], text: &str) -> chronotope::Result<VisitId> {
 }
 
 /// Says that a visit was not learnt, and why.
-pub(super) fn tell(source: &str, doubt: &chronotope::map::Doubt, map: &Path) {
+pub(super) fn print_held(source: &str, doubt: &chronotope::map::Doubt, map: &Path) {
     eprintln!(
         "held: {source}: {doubt} (`chronotope map held {}` lists all)",
         map.display()

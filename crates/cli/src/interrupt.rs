@@ -1,4 +1,4 @@
-//! Was the process asked to stop?
+//! Shall the process stop?
 //!
 //! The first Ctrl-C (or SIGTERM, or SIGHUP) raises a flag, which long work looks at between images;
 //! the second one ends the process at once. Both are safe for a map: commits are atomic.

@@ -25,10 +25,10 @@ use chronotope::trace::{Shot, Stage, TraceConfig, Tracer};
 
 /// Say at which place of a map images were taken.
 ///
-/// The time of an image is --time, else that of an index.csv in a parent folder that lists it, else its
-/// EXIF time with an offset, else what the file-name rule of --manifest reads. Images that an index
-/// lists are cut and scaled as it says. Exit code 0 if all are located, 1 if one is unknown or
-/// ambiguous, 2 if one cannot be used.
+/// The time of an image is --time, else that of an index.csv in a parent folder that lists it, else
+/// its EXIF time with an offset, else what the file-name rule of --manifest reads. Images that an
+/// index lists are cut and scaled as it says. Exit code 0 if all are located, 1 if one is unknown
+/// or ambiguous, 2 if one cannot be used.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -67,23 +67,24 @@ pub(super) struct LocalizeArgs {
     /// Locate what this camera sees until Ctrl-C (with the cargo feature `opencv`).
     #[arg(long, value_name = "N", conflicts_with_all = ["images", "time", "manifest"])]
     camera: Option<u32>,
-    /// Learn each located image, as a new visit of its place: the map file grows by generations, which
-    /// `map rollback` can take back. Without this the map is only read.
+    /// Learn each located image, as a new visit of its place: the map file grows by generations,
+    /// which `map rollback` can take back. Without this the map is only read.
     #[arg(long)]
     learn: bool,
-    /// Take the images as one way, in the order given: what was believed before moves along the map's
-    /// edges and counts too. The table [motion] of --config says how the robot moves.
+    /// Take the images as one way, in the order given: what was believed before moves along the
+    /// map's edges and counts too. The table [motion] of --config says how the robot moves.
     #[arg(long)]
     track: bool,
-    /// Whether to keep what is worked out of the map in a file beside it, MAP.*.query, so that the next
-    /// call starts at once: `auto` where that took more than a second. Answers are the same without, and
-    /// the files may be deleted at any time. --learn has none.
+    /// Whether to keep what is worked out of the map in a file beside it, MAP.*.query, so that the
+    /// next call starts at once: `auto` where that took more than a second. Answers are the same
+    /// without, and the files may be deleted at any time. --learn has none.
     #[arg(long, value_name = "WHEN", default_value_t, value_parser = named::<QueryForm>(QueryForm::ALL.map(QueryForm::name)))]
     query_form: QueryForm,
     /// One JSON object for each image.
     #[arg(long)]
     json: bool,
-    /// Write all evidence as one JSON object for each image; with `-` to stdout, and results to stderr.
+    /// Write all evidence as one JSON object for each image; with `-` to stdout, and results to
+    /// stderr.
     #[arg(long, value_name = "FILE|-")]
     trace: Option<PathBuf>,
     /// The picture itself goes into every Nth line of the trace; 0: into none.
@@ -371,7 +372,7 @@ impl<'o> Guide<'o> {
             match event {
                 Event::Learnt { source, learnt, .. } if learnt.doubt.is_some() => {
                     if let Some(doubt) = &learnt.doubt {
-                        held::tell(&source, doubt, &map);
+                        held::print_held(&source, doubt, &map);
                     }
                 }
                 Event::Learnt {
@@ -412,7 +413,8 @@ impl<'o> Guide<'o> {
     }
 }
 
-/// Says so if `time` lies before the map's visits or far after them; answers are given all the same.
+/// Says so if `time` lies before the map's visits or far after them; answers are given all the
+/// same.
 pub(super) fn warn_of_time(snapshot: &Snapshot, time: Time, name: Option<&str>) -> bool {
     let summary = snapshot.summary();
     let (Some(first), Some(last)) = (summary.first, summary.last) else {

@@ -1,9 +1,9 @@
-//! How do I ask?
+//! How is the engine used from a terminal?
 //!
-//! The command `chronotope`. Results go to stdout (JSON Lines with
-//! `--json`), talk, warnings and progress to stderr. Exit codes: 0 located or done, 1 unknown,
-//! ambiguous or problems found, 2 an error, 130 interrupted. Nothing here computes: each command reads
-//! its arguments, calls the rooms below and shows what they say.
+//! The command `chronotope`. Results go to stdout (JSON Lines with `--json`), diagnostics, warnings
+//! and progress to stderr. Exit codes: 0 located or done, 1 unknown, ambiguous or problems found, 2
+//! an error, 130 interrupted. Nothing here computes: each command reads its arguments, calls the
+//! rooms below and shows what they say.
 
 mod build;
 mod calibrate;
@@ -57,7 +57,7 @@ Examples:
 struct Cli {
     #[command(subcommand)]
     command: Command,
-    /// Tell more on stderr; twice for details.
+    /// Print more on stderr; twice for details.
     #[arg(short, long, global = true, action = ArgAction::Count)]
     verbose: u8,
 }
@@ -115,8 +115,8 @@ enum DatasetCommand {
 /// Where numbers come from.
 #[derive(Debug, Args)]
 struct ConfigArgs {
-    /// TOML with the tables [learn] and [localize]; a key that is given replaces the preset's, a table
-    /// in it as a whole.
+    /// TOML with the tables [learn] and [localize]; a key that is given replaces the preset's, a
+    /// table in it as a whole.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Print the configuration in effect as TOML and do nothing else; it can be given to --config.
@@ -131,9 +131,9 @@ enum Outcome {
     Good,
     /// Unknown or ambiguous, or problems were found.
     Doubtful,
-    /// An error was told already; what could be done was.
+    /// An error was printed already; what could be done was.
     Failed,
-    /// Asked to stop.
+    /// Stopped on request.
     Interrupted,
 }
 
@@ -148,7 +148,7 @@ impl From<Outcome> for ExitCode {
     }
 }
 
-/// Runs the command that the process's arguments ask for; usage errors and `--help` end the process.
+/// Runs the command that the process's arguments name; usage errors and `--help` end the process.
 fn main() -> ExitCode {
     let cli = Cli::parse();
     log_to_stderr(cli.verbose);

@@ -19,8 +19,8 @@ use chronotope::map::{Map, Snapshot};
 /// disagree on where a place is, are refused and the conflicts named.
 ///
 /// Every feature keeps the history that its own map gave it: two robots' features of one thing stay
-/// two. With --relearn all visits are learnt again instead, as if one robot had made them; that needs maps
-/// built with --keep-appearances all (or with preset `lttl`).
+/// two. With --relearn all visits are learnt again instead, as if one robot had made them; that
+/// needs maps built with --keep-appearances all (or with preset `lttl`).
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:

@@ -1,7 +1,7 @@
-//! Which picture is asked about, and when was it taken?
+//! Which picture is the query, and when was it taken?
 //!
 //! An image that an `index.csv` in one of its parent folders lists is cut, turned and scaled as the
-//! index says; one that the index cuts into several pictures is asked about once for each. Its time is
+//! index says; one that the index cuts into several pictures is queried once for each. Its time is
 //! the one given, else that of the index, else that of its EXIF data with an offset, else what the
 //! file-name rule of a manifest reads from its name. The present is never assumed.
 

@@ -19,9 +19,9 @@ const MIN_SAMPLES: usize = 16;
 
 /// Find the rhythms of any 0/1 series over time: a door, a person in a room, a passable edge.
 ///
-/// Learns from the earlier samples, judges every model on the latest ones, then learns the chosen ones
-/// again from all. `natural` is the model to use; `fremen` is the papers', with the order that predicted the
-/// latest samples best.
+/// Learns from the earlier samples, judges every model on the latest ones, then learns the chosen
+/// ones again from all. `natural` is the model to use; `fremen` is the papers', with the order that
+/// predicted the latest samples best.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Rows are TIME,STATE: time in RFC 3339 with an offset or in seconds since 1970, state 0 or 1 (empty: missing).

@@ -1,8 +1,8 @@
 //! What does a series look like, with what was learnt of it?
 //!
-//! One SVG of two pictures: p(t) over the latest two weeks of data, and the spectrum of the state with that of
-//! its sampling below, upside down. Where the sampling has a strong line of its own, the state's lines
-//! borrow from each other.
+//! One SVG of two pictures: p(t) over the latest two weeks of data, and the spectrum of the state
+//! with that of its sampling below, upside down. Where the sampling has a strong line of its own,
+//! the state's lines borrow from each other.
 
 use std::fmt::Write as _;
 

@@ -1,7 +1,7 @@
-//! How fast are time models learnt and asked, against the same sums written plainly?
+//! How fast are time models learnt and evaluated, against the same sums written plainly?
 //!
-//! Every run checks what it computed. `cargo bench --bench spectrum`; the same comparisons are part of
-//! `chronotope-eval speed`.
+//! Every run checks what it computed. `cargo bench --bench spectrum`; the same comparisons are part
+//! of `chronotope-eval speed`.
 
 #![allow(missing_docs, reason = "a benchmark has no users")]
 #![allow(clippy::print_stdout, reason = "the printed ratios are the result")]

@@ -1,7 +1,8 @@
 //! Learns when a door is open: `cargo run --example door -- [FILE.csv] [FILE.svg]`.
 //!
-//! The file has a time and a state on every line. Without one, four weeks of an office door are made up.
-//! Prints the rhythms, the coming day, and what was unusual; draws p(t) into the second file.
+//! The file has a time and a state on every line. Without one, four weeks of an office door are
+//! made up. Prints the rhythms, the coming day, and what was unusual; draws p(t) into the second
+//! file.
 
 #![allow(clippy::print_stdout, reason = "an example shows its answers")]
 

@@ -1,8 +1,8 @@
 //! What failed, where, and what helps?
 //!
-//! One boxed [`Error`] serves this crate and all that are built on it. It has a [`kind`](Error::kind) to
-//! branch on, and a message for people that names the file, the place in it and the remedy, each added
-//! by the layer that knows it.
+//! One boxed [`Error`] serves this crate and all that are built on it. It has a
+//! [`kind`](Error::kind) to branch on, and a message for people that names the file, the place in
+//! it and the remedy, each added by the layer that knows it.
 
 use std::error::Error as StdError;
 use std::fmt;
@@ -78,8 +78,9 @@ impl fmt::Display for ErrorKind {
 
 /// An error with its kind, place and remedy.
 ///
-/// Shown as `FILE: PLACE: MESSAGE (help: REMEDY)`, with the parts that are known. That text is complete:
-/// it already says what the [`source`](StdError::source) says, which is there to be branched on.
+/// Shown as `FILE: PLACE: MESSAGE (help: REMEDY)`, with the parts that are known. That text is
+/// complete: it already says what the [`source`](StdError::source) says, which is there to be
+/// branched on.
 #[derive(Debug)]
 pub struct Error(Box<Inner>);
 
@@ -106,8 +107,8 @@ impl Error {
         }))
     }
 
-    /// What the operating system said of `path`: [`ErrorKind::NotFound`], [`ErrorKind::AlreadyExists`] or
-    /// [`ErrorKind::Io`].
+    /// What the operating system said of `path`: [`ErrorKind::NotFound`],
+    /// [`ErrorKind::AlreadyExists`] or [`ErrorKind::Io`].
     pub fn io(path: impl AsRef<Path>, cause: io::Error) -> Self {
         let kind = match cause.kind() {
             io::ErrorKind::NotFound => ErrorKind::NotFound,
@@ -200,8 +201,8 @@ impl fmt::Display for Error {
 
 /// What an error and its causes say, from the outermost inwards, as one line.
 ///
-/// Stops at the first [`Error`], whose text says what its source says already. For programs that wrap errors
-/// of this crate in others (such as `anyhow`'s).
+/// Stops at the first [`Error`], whose text says what its source says already. For programs that
+/// wrap errors of this crate in others (such as `anyhow`'s).
 pub fn describe(error: &(dyn StdError + 'static)) -> String {
     let mut parts = Vec::new();
     let mut next = Some(error);

@@ -56,8 +56,8 @@ impl<'a> Collector<'a> {
         });
     }
 
-    /// Adds the image `path` (relative to the dataset's folder), found at `subject`, or lists why not.
-    /// `prepare` sets crop, turn and scale.
+    /// Adds the image `path` (relative to the dataset's folder), found at `subject`, or lists why
+    /// not. `prepare` sets crop, turn and scale.
     pub(super) fn add(
         &mut self,
         subject: &str,
@@ -187,8 +187,8 @@ impl<'a> Collector<'a> {
 
     /// The entries with their ids, sorted.
     ///
-    /// An id is the path; where several entries share the file, also the place; where even those are
-    /// the same, also the time.
+    /// An id is the path; where several entries share the file, also the place; where even those
+    /// are the same, also the time.
     fn entries(&mut self) -> Vec<Entry> {
         let mut by_path: BTreeMap<String, usize> = BTreeMap::new();
         let mut by_place: BTreeMap<(String, PlaceKey), usize> = BTreeMap::new();

@@ -1,4 +1,5 @@
-//! Which images are in a folder of the FreLoc (and Witham Wharf) layout, `training|testing/place_N/%05d.bmp`?
+//! Which images are in a folder of the FreLoc (and Witham Wharf) layout,
+//! `training|testing/place_N/%05d.bmp`?
 
 use std::collections::BTreeMap;
 use std::path::Path;

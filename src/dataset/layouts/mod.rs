@@ -1,7 +1,7 @@
 //! Which files are the images of which place and time?
 //!
-//! Every layout hands what it finds to one [`Collector`], which applies the rules about single entries
-//! (file there, crop inside, no second image of a place and time, place known) alike.
+//! Every layout hands what it finds to one [`Collector`], which applies the rules about single
+//! entries (file there, crop inside, no second image of a place and time, place known) alike.
 
 mod collector;
 mod freloc;

@@ -1,11 +1,11 @@
 //! Which images of these NCLT sessions show a place?
 //!
-//! A session is a folder `images/YYYY-MM-DD` with raw images `lb3/CamN/<utime>.tiff`, named by their
-//! time in µs since 1970, and a ground truth `groundtruth_YYYY-MM-DD.csv` with rows
+//! A session is a folder `images/YYYY-MM-DD` with raw images `lb3/CamN/<utime>.tiff`, named by
+//! their time in µs since 1970, and a ground truth `groundtruth_YYYY-MM-DD.csv` with rows
 //! `utime,x,y,z,roll,pitch,yaw` (m and rad; in the folder itself, in `ground_truth` or in
-//! `groundtruth`). An image has the pose that is nearest in time, if one is near enough. One pass of a
-//! place (consecutive images within the radius, and within 60 degrees of its heading if it has one)
-//! gives one entry: the image nearest to the place, the earliest of equals.
+//! `groundtruth`). An image has the pose that is nearest in time, if one is near enough. One pass
+//! of a place (consecutive images within the radius, and within 60 degrees of its heading if it has
+//! one) gives one entry: the image nearest to the place, the earliest of equals.
 //!
 //! Source: Carlevaris-Bianco, Ushani and Eustice, "University of Michigan North Campus long-term
 //! vision and lidar dataset", IJRR 2016.

@@ -9,10 +9,11 @@
 //! The same code draws the control: [`WorldConfig::rhythms`]`(false)` gives every element its own
 //! long-term mean at all times and stops the sun, so that there is nothing to learn from time.
 //!
-//! The houses are built alike and what lasts is much the same everywhere: places are told apart best
-//! by what comes and goes. The generator is frozen: its constants were chosen on seeds from 1000 up,
-//! so that the n most lasting features of each place mislead at a third of the queries at n = 30;
-//! evaluation uses seeds 1 to 30, which played no part in that, and a test holds digests of images.
+//! The houses are built alike and what lasts is much the same everywhere: places are distinguished
+//! best by what comes and goes. The generator is frozen: its constants were chosen on seeds from
+//! 1000 up, so that the n most lasting features of each place mislead at a third of the queries at
+//! n = 30; evaluation uses seeds 1 to 30, which played no part in that, and a test holds digests of
+//! images.
 //!
 //! Same seed, same bytes, on every machine: see `render`. It is *not* for claims about accuracy in
 //! the real world: it is flat, small, and its rhythms are as regular as no street's.
@@ -211,7 +212,7 @@ impl World {
     }
 
     /// One visit of every place at each of these times, each place a few minutes after the one
-    /// before; images are rendered when they are asked for.
+    /// before; images are rendered when they are loaded.
     ///
     /// Times that are given twice count once.
     pub fn dataset(&self, name: &str, times: &[Time]) -> Dataset {
@@ -270,7 +271,7 @@ impl std::fmt::Debug for World {
 /// From one place to the next, at walking pace.
 const WALK_US: i64 = 5 * 60 * 1_000_000;
 
-/// An image that is drawn when it is asked for.
+/// An image that is drawn when it is loaded.
 struct Rendering {
     world: World,
     place: usize,
@@ -283,7 +284,7 @@ impl ImageSource for Rendering {
     }
 }
 
-/// When the places are visited to learn and to be asked about.
+/// When the places are visited to learn and to be queried.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Schedule {
     /// Starts of the rounds to learn from, ascending.

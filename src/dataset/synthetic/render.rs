@@ -1,7 +1,7 @@
 //! What does the camera see at a visit?
 //!
-//! Background, elements, passers-by and lamp posts are copied into a canvas with a margin around the
-//! reference frame; light and shadow change its grey values; the canvas is then sampled from a
+//! Background, elements, passers-by and lamp posts are copied into a canvas with a margin around
+//! the reference frame; light and shadow change its grey values; the canvas is then sampled from a
 //! slightly moved viewpoint and noise is added. Everything is integer arithmetic but a few numbers
 //! per visit, which need only exactly rounded operations: the same bytes on every machine.
 

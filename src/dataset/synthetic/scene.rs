@@ -1,9 +1,9 @@
 //! What stands where, and when?
 //!
-//! Every place is a stretch of one street: a facade of brick in bays and rows, cut into cells. A cell
-//! shows at most one of its [`Element`]s at a visit, so that their probabilities add up and nothing
-//! hides anything else by plan (passers-by do, at random). Cells of the same kind are filled from
-//! the same catalogue of windows and doors at every place: such places look alike.
+//! Every place is a stretch of one street: a facade of brick in bays and rows, cut into cells. A
+//! cell shows at most one of its [`Element`]s at a visit, so that their probabilities add up and
+//! nothing hides anything else by plan (passers-by do, at random). Cells of the same kind are
+//! filled from the same catalogue of windows and doors at every place: such places look alike.
 
 use super::paint::{self, Patch};
 use super::random::{Rng, hash};
@@ -192,8 +192,8 @@ enum Plan {
 type Look = (ElementKind, Patch);
 
 impl Plan {
-    /// When the cell is active, what it shows then (drawn from `rng`) and what otherwise (from `rest`);
-    /// `None` for plans without a rhythm.
+    /// When the cell is active, what it shows then (drawn from `rng`) and what otherwise (from
+    /// `rest`); `None` for plans without a rhythm.
     fn alternation(
         self,
         w: i32,

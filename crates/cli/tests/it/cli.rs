@@ -29,8 +29,8 @@ fn world() -> &'static World {
     })
 }
 
-/// A place of the street with a pattern of its own painted on it: the synthetic places look alike on
-/// purpose, but here only the command is tested.
+/// A place of the street with a pattern of its own painted on it: the synthetic places look alike
+/// on purpose, but here only the command is tested.
 fn png(place: usize, time: Time, seed: u64) -> Vec<u8> {
     let street = world().render(place, time, seed);
     let (width, height) = (street.width() as u32, street.height() as u32);
@@ -1000,7 +1000,8 @@ impl HeldBuild {
             .spawn()
             .expect("the command starts");
         let (sender, receiver) = std::sync::mpsc::channel();
-        // Opening a pipe waits for whoever reads it; on its own thread, so that the test can give up.
+        // Opening a pipe waits for whoever reads it; on its own thread, so that the test can give
+        // up.
         std::thread::spawn(move || sender.send(fs::OpenOptions::new().write(true).open(path)));
         let pipe = receiver
             .recv_timeout(Duration::from_secs(120))

@@ -55,7 +55,8 @@ fn a_daily_rhythm_is_found_with_its_peak_and_foretold() {
         let strongest = &model["components"][0];
         assert_eq!(strongest["period_s"], 86_400.0, "{model}");
         let peak = strongest["first_peak"].as_str().expect("a time");
-        // Samples stand for the hour after them, so the middle of the open ones is half past eleven.
+        // Samples stand for the hour after them, so the middle of the open ones is half past
+        // eleven.
         assert!(peak.starts_with("2024-05-01T11:"), "{model}");
         assert!(
             model["predicted"][0]["p"].as_f64().expect("a number") > 0.9,

@@ -1,9 +1,10 @@
-//! How fast are temporal models learnt and asked, next to the same sums written plainly?
+//! How fast are temporal models learnt and evaluated, next to the same sums written plainly?
 //!
 //! The plain twin takes a cosine and a sine per state, component and observation, as the reference
-//! implementation of the papers does in batches, compiled with the same optimisation and run in the same
-//! process on one thread. Every comparison first checks that both sides computed the same. Times are of
-//! processor time where the system tells it, so that a busy machine disturbs little; compare ratios only.
+//! implementation of the papers does in batches, compiled with the same optimisation and run in the
+//! same process on one thread. Every comparison first checks that both sides computed the same.
+//! Times are of processor time where the system reports it, so that a busy machine disturbs little;
+//! compare ratios only.
 //!
 //! Shared by `cargo bench --bench spectrum` and `chronotope-eval speed`.
 
@@ -89,7 +90,8 @@ pub(super) fn best(ms: &[f64]) -> f64 {
     ms.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
-/// Seconds that this thread has spent on a processor, where the system tells; else on the clock.
+/// Seconds that this thread has spent on a processor, where the system reports it; else on the
+/// clock.
 fn now_s(started: Instant) -> f64 {
     std::fs::read_to_string("/proc/thread-self/schedstat")
         .ok()
@@ -97,8 +99,8 @@ fn now_s(started: Instant) -> f64 {
         .map_or_else(|| started.elapsed().as_secs_f64(), |ns| ns * 1e-9)
 }
 
-/// Milliseconds a run of each batch, and what the last run gave. Batches last at least `least_s`, because
-/// processor time is counted in steps.
+/// Milliseconds a run of each batch, and what the last run gave. Batches last at least `least_s`,
+/// because processor time is counted in steps.
 pub(super) fn ms_a_run<R>(least_s: f64, mut run: impl FnMut() -> R) -> (Vec<f64>, R) {
     let mut result = black_box(run());
     let batches = (0..NUM_BATCHES).map(|_| {
@@ -201,7 +203,8 @@ pub(super) fn fremen(
     fit(log, &cfg, Visits::All)
 }
 
-/// What a feature of a FreMEn of some order takes: a mean; for each rhythm a candidate and two factors.
+/// What a feature of a FreMEn of some order takes: a mean; for each rhythm a candidate and two
+/// factors.
 pub(super) const fn model_bytes(order: usize) -> usize {
     8 + 18 * order
 }
@@ -324,7 +327,8 @@ fn predicting(sizes: &Sizes) -> Result<Comparison> {
     })
 }
 
-/// Our model of order 2 with plan and buffers made before, against the transform alone with its own.
+/// Our model of order 2 with plan and buffers made before, against the transform alone with its
+/// own.
 fn transform(sizes: &Sizes, len: usize) -> Result<Comparison> {
     let mut state = 88_172_645_463_325_252;
     // Eleven times on and off, with a stray sample now and then.

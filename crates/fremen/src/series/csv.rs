@@ -103,8 +103,8 @@ fn format(message: impl Into<String>) -> Error {
 
 /// The line that a CSV record begins on, counted from 1.
 ///
-/// The reader notes where it began to look, which is before the empty lines and comments that it passed
-/// over.
+/// The reader notes where it began to look, which is before the empty lines and comments that it
+/// passed over.
 pub fn line_of_record(text: &[u8], record: &::csv::StringRecord, comment: Option<u8>) -> u64 {
     let Some(position) = record.position() else {
         return 1;

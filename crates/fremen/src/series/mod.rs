@@ -1,9 +1,9 @@
 //! When was one state 1, when was it 0, and what follows from that?
 //!
-//! A [`Series`] is the history of a single binary state: a door, a person in a room, an edge of a map that
-//! can be passed. It comes from a CSV file or from slices, may have missing samples, and is kept in order of
-//! time. [`Series::learn`] fits a model to it; the [`SeriesModel`] predicts, shows its rhythms, and finds
-//! the samples that nobody would have expected.
+//! A [`Series`] is the history of a single binary state: a door, a person in a room, an edge of a
+//! map that can be passed. It comes from a CSV file or from slices, may have missing samples, and
+//! is kept in order of time. [`Series::learn`] fits a model to it; the [`SeriesModel`] predicts,
+//! shows its rhythms, and finds the samples that nobody would have expected.
 //!
 //! ```
 //! use fremen::{Period, Series, Time};
@@ -69,10 +69,10 @@ impl Series {
 
     /// Reads a CSV file: a time and a state on every line.
     ///
-    /// Times are RFC 3339 with an offset or seconds since 1970 (a fraction is allowed), states `0`, `1`,
-    /// `false`, `true`; a row with an empty state is missing. Rows may come in any order, lines that begin
-    /// with `#` are comments, and a first row whose time is none is a header. Fails with the line of what is
-    /// no series.
+    /// Times are RFC 3339 with an offset or seconds since 1970 (a fraction is allowed), states `0`,
+    /// `1`, `false`, `true`; a row with an empty state is missing. Rows may come in any order,
+    /// lines that begin with `#` are comments, and a first row whose time is none is a header.
+    /// Fails with the line of what is no series.
     pub fn read_csv(path: impl AsRef<Path>, columns: Columns<'_>) -> Result<Self> {
         let path = path.as_ref();
         let bytes = std::fs::read(path).map_err(|cause| Error::io(path, cause))?;
@@ -251,8 +251,8 @@ impl SeriesModel {
         self.model.order()
     }
 
-    /// The states that were given a probability below `1 - confidence` (T-RO 2017 III-D calls these the
-    /// times at which the observed and the predicted state differ; `confidence` is 1/2 there).
+    /// The states that were given a probability below `1 - confidence` (T-RO 2017 III-D calls these
+    /// the times at which the observed and the predicted state differ; `confidence` is 1/2 there).
     ///
     /// Fails with [`ErrorKind::Config`] unless `confidence` is in [1/2, 1].
     pub fn anomalies(&self, series: &Series, confidence: f64) -> Result<Vec<Anomaly>> {
@@ -292,8 +292,8 @@ impl SeriesModel {
 
     /// What [`encode`](Self::encode) wrote.
     ///
-    /// Fails with [`ErrorKind::Checksum`] or [`ErrorKind::Format`] if these bytes are damaged or no model,
-    /// and with [`ErrorKind::Shape`] if they are a model of something other than one state.
+    /// Fails with [`ErrorKind::Checksum`] or [`ErrorKind::Format`] if these bytes are damaged or no
+    /// model, and with [`ErrorKind::Shape`] if they are a model of something other than one state.
     pub fn decode(bytes: &[u8]) -> Result<Self> {
         let model = decode(bytes)?;
         match model.num_features() {

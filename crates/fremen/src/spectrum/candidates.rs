@@ -31,14 +31,15 @@ impl CandidatePeriods {
     /// No set has more candidates than this.
     pub const MAX_COUNT: usize = u16::MAX as usize;
 
-    /// A year and its fractions down to a month: what the reference recipe looks for in monthly visits.
+    /// A year and its fractions down to a month: what the reference recipe looks for in monthly
+    /// visits.
     pub const MONTHS: Self = Self(Kind::Harmonic {
         base: Period::YEAR,
         count: 12,
     });
 
-    /// The rhythms of sun and people: a year, a week, and a day with its fractions down to 6 h. Which of
-    /// them the visits of a place can support is for guards to say.
+    /// The rhythms of sun and people: a year, a week, and a day with its fractions down to 6 h.
+    /// Which of them the visits of a place can support is for guards to say.
     pub fn calendar() -> Self {
         let [year, week, day] = [Period::YEAR, Period::WEEK, Period::DAY];
         Self(Kind::List(vec![
@@ -203,8 +204,8 @@ fn product((cos_a, sin_a): (f64, f64), (cos_b, sin_b): (f64, f64)) -> (f64, f64)
     (cos_a * cos_b - sin_a * sin_b, sin_a * cos_b + cos_a * sin_b)
 }
 
-/// `z^exponent` by the very products of `phasors_into`, in O(log exponent): the exponent, less one, is
-/// gathered from its lowest bit up.
+/// `z^exponent` by the very products of `phasors_into`, in O(log exponent): the exponent, less one,
+/// is gathered from its lowest bit up.
 fn power(z: (f64, f64), exponent: u32) -> (f64, f64) {
     let (mut gathered, mut square) = (z, z);
     let mut rest = exponent - 1;

@@ -151,8 +151,8 @@ impl<'a> Reader<'a> {
         self.take(len, 1)
     }
 
-    /// A number of things that take at least `least` bytes each, so that no file can ask for more memory
-    /// than it is long.
+    /// A number of things that take at least `least` bytes each, so that no file can claim more
+    /// memory than it is long.
     pub(crate) fn count(&mut self, least: usize) -> Result<usize> {
         let count = usize::try_from(self.varint()?).ok();
         let fits = |count: &usize| {

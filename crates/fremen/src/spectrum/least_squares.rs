@@ -6,14 +6,15 @@
 //! sampling is uneven, FreMEn's `g_k` is disturbed by the mean and by the other rhythms through the
 //! sampling's own spectrum; solving for all of them together is not.
 //!
-//! With harmonic candidates everything follows from sums: products of cosines are cosines of the sum and
-//! the difference of their harmonics, so `W_m` for m = 0 ... 2 K gives every entry of the normal
-//! equations and `S_k` their right-hand side. (Mergeable; no observation is needed again.)
+//! With harmonic candidates everything follows from sums: products of cosines are cosines of the
+//! sum and the difference of their harmonics, so `W_m` for m = 0 ... 2 K gives every entry of the
+//! normal equations and `S_k` their right-hand side. (Mergeable; no observation is needed again.)
 //!
 //! O(n^3) to prepare n = 1 + 2 l coefficients once for all features that share observation times,
 //! O(n^2) a feature. Not for hundreds of rhythms at once: that is a periodogram's job.
 
-/// The normal equations of some harmonics, solved for any number of features that share their times.
+/// The normal equations of some harmonics, solved for any number of features that share their
+/// times.
 #[derive(Clone, Debug)]
 pub struct HarmonicRegression {
     harmonics: Vec<u16>,
@@ -24,8 +25,9 @@ impl HarmonicRegression {
     /// For the given `harmonics` (from 1) of the base period.
     ///
     /// `num_observed` is the number of observations and `observed` their `W_m`: cosine sums of the
-    /// harmonics 1 ... M, then sine sums (of `sin w t`, not `-sin`), with M at least twice the highest
-    /// harmonic given. `ridge` is in observations and positive. `None` without observations.
+    /// harmonics 1 ... M, then sine sums (of `sin w t`, not `-sin`), with M at least twice the
+    /// highest harmonic given. `ridge` is in observations and positive. `None` without
+    /// observations.
     ///
     /// # Panics
     /// If `observed` does not reach far enough.
@@ -75,9 +77,10 @@ impl HarmonicRegression {
         })
     }
 
-    /// Mean, then the factors of cosine and sine of every harmonic; from the number of observations at
-    /// which the state was 1 and their sums `S_k`, laid out as for [`new`](Self::new) (any M that reaches
-    /// the harmonics). The second value is the explained sum of squares, a constant apart.
+    /// Mean, then the factors of cosine and sine of every harmonic; from the number of observations
+    /// at which the state was 1 and their sums `S_k`, laid out as for [`new`](Self::new) (any M
+    /// that reaches the harmonics). The second value is the explained sum of squares, a constant
+    /// apart.
     pub fn solve(&self, num_seen: usize, seen: &[f64]) -> (Vec<f64>, f64) {
         let (cos, sin) = seen.split_at(seen.len() / 2);
         let mut right: Vec<f64> = Vec::with_capacity(1 + 2 * self.harmonics.len());

@@ -1,7 +1,7 @@
 //! What do the papers' own update rules give?
 //!
-//! For parity only. Both are incremental averages in the order of arrival, as printed; prediction uses
-//! the factor 2 (see the errata in [`spectrum`](crate::spectrum)).
+//! For parity only. Both are incremental averages in the order of arrival, as printed; prediction
+//! uses the factor 2 (see the errata in [`spectrum`](crate::spectrum)).
 
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +18,8 @@ pub enum Balance {
     /// `g_k = (S_k - mu W_k) / m` with the mean of all observations.
     #[default]
     Exact,
-    /// No balance: `g_k = S_k / m` (T-RO eq. 11). Irregular sampling shows up as rhythms of its own.
+    /// No balance: `g_k = S_k / m` (T-RO eq. 11). Irregular sampling shows up as rhythms of its
+    /// own.
     AlphaOnly,
     /// `g_k = alpha_k - beta_k`, beta with the mean so far (RAS eq. 3). Depends on the order of
     /// arrival, so it cannot be merged, and early observations are balanced with a poor mean.

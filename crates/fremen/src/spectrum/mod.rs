@@ -1,14 +1,14 @@
 //! Which rhythms are in this 0/1 history?
 //!
 //! Pure mathematics of one binary state observed at known times; nothing here knows what the state
-//! means. [`CandidatePeriods`] is the set Omega of rhythms that are looked for; [`SpectralSums`] learn a
-//! state from observations at any times ([`VisitSums`] each visit once, whoever brings it), and a
-//! [`PhasorTable`] many states that share their times; a [`Periodogram`] shows how strong each rhythm is;
-//! [`strongest`] selects the few rhythms that a model of order l keeps, and [`Rhythms`] is p(t).
-//! A state that was sampled at a steady rate is a [`UniformSpectrum`]: a few rhythms and an
-//! [`OutlierSet`], from which every sample can be given back; a [`UniformLearner`] makes many of them.
-//! [`HarmonicRegression`] solves for a mean and rhythms together, from sums alone.
-//! [`LiteralFremen`] repeats the papers' own update rules for comparison.
+//! means. [`CandidatePeriods`] is the set Omega of rhythms that are looked for; [`SpectralSums`]
+//! learn a state from observations at any times ([`VisitSums`] each visit once, whoever brings it),
+//! and a [`PhasorTable`] many states that share their times; a [`Periodogram`] shows how strong
+//! each rhythm is; [`strongest`] selects the few rhythms that a model of order l keeps, and
+//! [`Rhythms`] is p(t). A state that was sampled at a steady rate is a [`UniformSpectrum`]: a few
+//! rhythms and an [`OutlierSet`], from which every sample can be given back; a [`UniformLearner`]
+//! makes many of them. [`HarmonicRegression`] solves for a mean and rhythms together, from sums
+//! alone. [`LiteralFremen`] repeats the papers' own update rules for comparison.
 //!
 //! # Which form for which data?
 //!
@@ -34,11 +34,11 @@
 //!
 //! # Sources and errata
 //!
-//! Krajnik et al., *FreMEn*, T-RO 2017, eq. 10-11; Santos et al., RAS 2016, eq. 3-4.
-//! T-RO eq. 10 prints no factor 2 (RAS eq. 4 has it): with half the amplitude the reconstruction of a
-//! uniformly sampled series is not its inverse transform. T-RO eq. 11 has no balance term `mu W_k`;
-//! RAS eq. 3 balances with the *running* mean, whose value depends on the order of observations. The
-//! form above is exact, independent of order and mergeable.
+//! Krajnik et al., *FreMEn*, T-RO 2017, eq. 10-11; Santos et al., RAS 2016, eq. 3-4. T-RO eq. 10
+//! prints no factor 2 (RAS eq. 4 has it): with half the amplitude the reconstruction of a uniformly
+//! sampled series is not its inverse transform. T-RO eq. 11 has no balance term `mu W_k`; RAS eq. 3
+//! balances with the *running* mean, whose value depends on the order of observations. The form
+//! above is exact, independent of order and mergeable.
 
 mod candidates;
 mod codec;

@@ -1,10 +1,10 @@
 //! How strong is each rhythm in the data, and in the sampling alone?
 //!
-//! With observations at `t_i`, 1 <= i <= m, and states `s_i` in {0, 1} of mean mu, a period T has the
-//! amplitude `2 / m * abs(sum_i (s_i - mu) e^(-j 2 pi t_i / T))`, which is `2 abs(g_k)` (T-RO 2017 eq. 10
-//! with the factor 2), and the window `1 / m * abs(sum_i e^(-j 2 pi t_i / T))`. Where the window is near
-//! 1, observations came in step with T, and nothing can tell that rhythm from none; where two periods
-//! both have a high window, each borrows from the other.
+//! With observations at `t_i`, 1 <= i <= m, and states `s_i` in {0, 1} of mean mu, a period T has
+//! the amplitude `2 / m * abs(sum_i (s_i - mu) e^(-j 2 pi t_i / T))`, which is `2 abs(g_k)` (T-RO
+//! 2017 eq. 10 with the factor 2), and the window `1 / m * abs(sum_i e^(-j 2 pi t_i / T))`. Where
+//! the window is near 1, observations came in step with T, and nothing can distinguish that rhythm
+//! from none; where two periods both have a high window, each borrows from the other.
 
 use super::candidates::CandidatePeriods;
 use super::sums::SpectralSums;
@@ -19,8 +19,8 @@ pub struct PeriodogramLine {
     pub period_s: f64,
     /// How far p(t) swings to either side, in [0, 1] but for rounding.
     pub amplitude: f64,
-    /// The window of the sampling, in [0, 1] but for rounding: 0 where observations are spread over all
-    /// phases, 1 where all have one phase.
+    /// The window of the sampling, in [0, 1] but for rounding: 0 where observations are spread over
+    /// all phases, 1 where all have one phase.
     pub window: f64,
 }
 
@@ -31,7 +31,8 @@ pub struct Periodogram {
 }
 
 impl Periodogram {
-    /// Of one state at its observation times, in any order; O(m K). No observations give amplitudes of 0.
+    /// Of one state at its observation times, in any order; O(m K). No observations give amplitudes
+    /// of 0.
     ///
     /// Fails beyond [`MAX_OBSERVATIONS`](super::MAX_OBSERVATIONS).
     pub fn new(states: &[(Time, bool)], candidates: &CandidatePeriods) -> Result<Self> {
@@ -47,7 +48,8 @@ impl Periodogram {
         &self.lines
     }
 
-    /// The line with the highest amplitude, the earlier one of equals; `None` if every amplitude is 0.
+    /// The line with the highest amplitude, the earlier one of equals; `None` if every amplitude is
+    /// 0.
     pub fn strongest(&self) -> Option<PeriodogramLine> {
         let mut strongest: Option<PeriodogramLine> = None;
         for line in self.lines.iter().filter(|line| line.amplitude > 0.0) {

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 /// `(cos, sin)` of `2 pi phase` for a phase in `[0, 1]`.
 ///
 /// By Taylor polynomials on an eighth of the circle, exact to 2^-52: only additions and products,
-/// so that every platform gets the same bits (the standard library's sine is the system's own). What
-/// is stored relative to a prediction can therefore be read anywhere.
+/// so that every platform gets the same bits (the standard library's sine is the system's own).
+/// What is stored relative to a prediction can therefore be read anywhere.
 #[inline]
 pub(crate) fn unit(phase: f64) -> (f64, f64) {
     // The nearest quarter turn; what is left is exact and at most an eighth of a turn.

@@ -3,7 +3,8 @@
 use super::candidates::CandidatePeriods;
 use crate::time::Time;
 
-/// One rhythm: `amplitude cos(2 pi t / period_s + phase_rad)`, with t in seconds since the Unix epoch.
+/// One rhythm: `amplitude cos(2 pi t / period_s + phase_rad)`, with t in seconds since the Unix
+/// epoch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Component {
     /// The length of a cycle, in seconds.
@@ -25,7 +26,8 @@ impl Component {
     }
 }
 
-/// A mean and a few rhythms: `p(t) = clamp(mu + sum of their cosines)` (T-RO eq. 10 with the factor 2).
+/// A mean and a few rhythms: `p(t) = clamp(mu + sum of their cosines)` (T-RO eq. 10 with the factor
+/// 2).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rhythms {
     candidates: CandidatePeriods,
@@ -74,7 +76,8 @@ impl Rhythms {
         p.clamp(0.0, 1.0)
     }
 
-    /// [`p`](Self::p), bit for bit, from what [`CandidatePeriods::phasors_into`] wrote for that time; O(l).
+    /// [`p`](Self::p), bit for bit, from what [`CandidatePeriods::phasors_into`] wrote for that
+    /// time; O(l).
     ///
     /// For many states, or many orders of one, that share their candidates.
     ///

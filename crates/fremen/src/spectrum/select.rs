@@ -6,14 +6,15 @@ pub const NEGLIGIBLE_AMPLITUDE: f64 = 1e-11;
 /// A later candidate must be stronger by this factor in power to go before an earlier one.
 const CLEARLY_STRONGER: f64 = 1.0 + 1e-8;
 
-/// Writes the indices of the strongest coefficients, strongest first, and returns how many there are.
+/// Writes the indices of the strongest coefficients, strongest first, and returns how many there
+/// are.
 ///
 /// `powers` are the squared amplitudes `abs(g_k)^2` and are set to zero where selected. At most
 /// `out.len()` are selected, and none of an amplitude below [`NEGLIGIBLE_AMPLITUDE`].
 ///
 /// Powers that differ by less than one part in 10^8 count as equal and the earlier candidate wins:
-/// with uniform sampling a frequency and its alias have equal power in exact arithmetic, and the last
-/// bit of a sum must not choose between them. O(K l).
+/// with uniform sampling a frequency and its alias have equal power in exact arithmetic, and the
+/// last bit of a sum must not choose between them. O(K l).
 pub fn strongest(powers: &mut [f64], out: &mut [u16]) -> usize {
     for (selected, slot) in out.iter_mut().enumerate() {
         let mut best = None;

@@ -1,12 +1,12 @@
 //! What must be kept of a history to know its rhythms?
 //!
-//! `S_k` (over the observations at which the state was 1) and `W_k` (over all observations) for every
-//! candidate, and how many there were of each. Times themselves are not needed.
+//! `S_k` (over the observations at which the state was 1) and `W_k` (over all observations) for
+//! every candidate, and how many there were of each. Times themselves are not needed.
 //!
 //! The sums are whole numbers: every cosine and sine is rounded to a multiple of 2^-40 (an error
-//! below 5e-13 a visit) and added as an integer. So adding is exactly commutative and associative, what was
-//! added can be taken away without a trace, merged maps equal one map bit for bit, and no order
-//! of threads can be seen in a result.
+//! below 5e-13 a visit) and added as an integer. So adding is exactly commutative and associative,
+//! what was added can be taken away without a trace, merged maps equal one map bit for bit, and no
+//! order of threads can be seen in a result.
 
 use super::candidates::CandidatePeriods;
 use super::codec::{Reader, Writer};
@@ -89,9 +89,9 @@ impl PhasorTable {
     /// Writes, for each list of indices, the sums over the times of these indices: one row of
     /// [`width`](Self::width) columns a list.
     ///
-    /// Where lists are many and hold more than a third of all times, the 16 sums of every four times are made
-    /// first and each list picks one of them: half the additions or less, and the same sums, because
-    /// they are whole numbers.
+    /// Where lists are many and hold more than a third of all times, the 16 sums of every four
+    /// times are made first and each list picks one of them: half the additions or less, and the
+    /// same sums, because they are whole numbers.
     ///
     /// # Panics
     /// If an index has no time, or `out` does not have one row a list.
@@ -206,8 +206,8 @@ pub(crate) fn too_many(count: usize) -> Error {
 /// O(K) an observation, O(K l) a [model](Self::rhythms), `32 K` bytes. Observations may come in any
 /// order of time. For many states that share observation times, a [`PhasorTable`] is faster.
 ///
-/// Not for finding out *which* observations there were: that is the log's job; merging two sums that
-/// contain the same visit counts it twice.
+/// Not for finding out *which* observations there were: that is the log's job; merging two sums
+/// that contain the same visit counts it twice.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SpectralSums {
     candidates: CandidatePeriods,
@@ -329,8 +329,8 @@ impl SpectralSums {
         }
     }
 
-    /// The balanced coefficients `g_k = (S_k - mu W_k) / m`: all real parts, then all imaginary parts with
-    /// their sign turned.
+    /// The balanced coefficients `g_k = (S_k - mu W_k) / m`: all real parts, then all imaginary
+    /// parts with their sign turned.
     pub(super) fn coefficients(&self) -> Vec<f64> {
         let mean = self.mean();
         let scale = 1.0 / f64::from(self.num_observed.max(1));

@@ -1,23 +1,24 @@
 //! What is the shortest description of a state that was sampled at a steady rate?
 //!
 //! The spectral model of T-RO 2017 III-B (ICRA 2014): the N samples are Fourier transformed, the l
-//! strongest of the N/2 rhythms are kept as triples of harmonic, amplitude and phase (the set P), and
-//! the samples at which the thresholded p(t) is wrong as an [`OutlierSet`] (the set O). Together they
-//! give every sample back:
+//! strongest of the N/2 rhythms are kept as triples of harmonic, amplitude and phase (the set P),
+//! and the samples at which the thresholded p(t) is wrong as an [`OutlierSet`] (the set O).
+//! Together they give every sample back:
 //!
 //! `s(t) = [p(t) >= 1/2] xor [t in O]` (eq. 7).
 //!
 //! # The numbers kept
 //!
-//! A triple is a harmonic (whole number), an amplitude in steps of 2^-15 and a phase in steps of 2^-16
-//! of a turn, 5 bytes for harmonics below 128. p(t) is *defined* by these whole numbers, by additions and
-//! products alone, so the outlier set fits them on every platform and reconstruction is exact there.
+//! A triple is a harmonic (whole number), an amplitude in steps of 2^-15 and a phase in steps of
+//! 2^-16 of a turn, 5 bytes for harmonics below 128. p(t) is *defined* by these whole numbers, by
+//! additions and products alone, so the outlier set fits them on every platform and reconstruction
+//! is exact there.
 //!
 //! # Cost
 //!
-//! Building: one real FFT of length N, `O(N log N)` with a factor for large prime factors of N (a prime N
-//! costs about four times as much as its neighbours), and `O(N l)` products.
-//! A prediction: O(l). Estimation error of an interval: from O alone, O(log) (eq. 15).
+//! Building: one real FFT of length N, `O(N log N)` with a factor for large prime factors of N (a
+//! prime N costs about four times as much as its neighbours), and `O(N l)` products. A prediction:
+//! O(l). Estimation error of an interval: from O alone, O(log) (eq. 15).
 //!
 //! Not for irregular sampling (see [`SpectralSums`](super::SpectralSums)): missing samples are
 //! allowed, but every step of the clock counts.
@@ -87,8 +88,8 @@ pub struct UniformSpectrum {
 
 /// Learns series of one length, one after the other: plan and buffers are made once.
 ///
-/// A plan costs as much as several transforms, and fresh buffers as much as one; many cells of a grid, or
-/// many doors, share both. 24 N bytes for N samples and the plan's own tables.
+/// A plan costs as much as several transforms, and fresh buffers as much as one; many cells of a
+/// grid, or many doors, share both. 24 N bytes for N samples and the plan's own tables.
 pub struct UniformLearner {
     fft: Arc<dyn RealToComplex<f64>>,
     samples: Vec<f64>,
@@ -205,8 +206,8 @@ impl UniformSpectrum {
         Self::learn(start, step, states, OutlierSet::default(), order, None)
     }
 
-    /// Learns a series in which some samples are missing (`None`): the transform sees the mean there
-    /// (so that g is the balanced sum over the others) and they are no outliers.
+    /// Learns a series in which some samples are missing (`None`): the transform sees the mean
+    /// there (so that g is the balanced sum over the others) and they are no outliers.
     pub fn build_with_missing(
         start: Time,
         step: Period,
@@ -258,10 +259,10 @@ impl UniformSpectrum {
     fn triples_of(&self, strongest: &[(usize, Complex<f64>)]) -> Vec<Triple> {
         let scale = 2.0 / self.num_observed as f64;
         let triples = strongest.iter().filter_map(|&(harmonic, g)| {
-            // The harmonic at half the sampling rate has no twin of negative frequency.
+            // The harmonic at half the sampling rate has no counterpart of negative frequency.
             let is_half = 2 * harmonic as u64 == self.num_learnt;
-            let twins = if is_half { 0.5 } else { 1.0 };
-            let amplitude = (twins * scale * g.norm() * AMPLITUDE_STEPS).round();
+            let num_counterparts = if is_half { 0.5 } else { 1.0 };
+            let amplitude = (num_counterparts * scale * g.norm() * AMPLITUDE_STEPS).round();
             let phase = (g.arg() / std::f64::consts::TAU * PHASE_STEPS).round();
             (amplitude >= 1.0).then_some(Triple {
                 harmonic: harmonic as u32,
@@ -395,7 +396,8 @@ impl UniformSpectrum {
         });
     }
 
-    /// Calls `with` with an index and the unclamped p from there on, in blocks that share their phasors.
+    /// Calls `with` with an index and the unclamped p from there on, in blocks that share their
+    /// phasors.
     fn for_each_block(&self, samples: std::ops::Range<u64>, mut with: impl FnMut(u64, &[f64])) {
         let len = self.num_learnt.max(1);
         // Within a block: cosines and sines of every harmonic at samples 0, 1, ... of the block.
@@ -409,7 +411,8 @@ impl UniformSpectrum {
             tables.push((triple.harmonic, triple.factors(), cos, sin));
         }
         let mean = self.mean();
-        // Blocks always begin at multiples of the block's length, so p has the same bits in any range.
+        // Blocks always begin at multiples of the block's length, so p has the same bits in any
+        // range.
         let mut first = samples.start / BLOCK as u64 * BLOCK as u64;
         while first < samples.end {
             let mut p = [mean; BLOCK];
@@ -482,8 +485,8 @@ impl UniformSpectrum {
         self.p(time) >= c
     }
 
-    /// Whether a measured state contradicts the model with confidence `c` in (1/2, 1] (T-RO V): 0 where
-    /// p >= c, or 1 where p < 1 - c.
+    /// Whether a measured state contradicts the model with confidence `c` in (1/2, 1] (T-RO V): 0
+    /// where p >= c, or 1 where p < 1 - c.
     pub fn is_anomaly(&self, time: Time, state: bool, c: f64) -> bool {
         if state {
             !self.predict(time, 1.0 - c)
@@ -503,7 +506,7 @@ impl UniformSpectrum {
         self.outliers.measure(range.start, range.end) as f64 / observed as f64
     }
 
-    /// The estimation error over the samples added since the last update: how well P foretells.
+    /// The estimation error over the samples added since the last update: how well P predicts.
     pub fn prediction_error(&self) -> f64 {
         self.estimation_error(self.num_learnt..self.num_samples)
     }
@@ -519,8 +522,9 @@ impl UniformSpectrum {
         wrong as f64 / states.len().max(1) as f64
     }
 
-    /// The order from 0 to `max_order` whose rhythms, learnt from the samples until the last update, best
-    /// foretell the samples added since (T-RO IV-B); the lower one of equals, 0 without new samples.
+    /// The order from 0 to `max_order` whose rhythms, learnt from the samples until the last
+    /// update, best predict the samples added since (T-RO IV-B); the lower one of equals, 0 without
+    /// new samples.
     pub fn best_order(&self, max_order: usize) -> Result<usize> {
         let mut learnt = self.clone();
         learnt.outliers = OutlierSet::default();
@@ -657,7 +661,7 @@ impl<'a> Membership<'a> {
 }
 
 /// The harmonics from 1 of the largest powers, strongest first, the lower of equals: O(N + n log n)
-/// where n is the number asked for.
+/// where n is the number requested.
 fn strongest_of_many(spectrum: &[Complex<f64>], count: usize) -> Vec<usize> {
     let stronger = |a: &(f64, usize), b: &(f64, usize)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
     let mut best: Vec<(f64, usize)> = Vec::with_capacity(2 * count + 64);

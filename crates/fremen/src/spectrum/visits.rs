@@ -1,12 +1,13 @@
 //! How are sums merged that may share visits?
 //!
-//! Sums alone cannot tell whether two of them hold the same visit. [`VisitSums`] remembers who gave what:
-//! each observation has an identity of 128 bits (a map's visit has one), and is counted once however often
-//! and from whichever side it comes. So merging is commutative, associative *and idempotent*, and what is
-//! older than a horizon can be forgotten exactly.
+//! Sums alone cannot tell whether two of them hold the same visit. [`VisitSums`] remembers who gave
+//! what: each observation has an identity of 128 bits (a map's visit has one), and is counted once
+//! however often and from whichever side it comes. So merging is commutative, associative *and
+//! idempotent*, and what is older than a horizon can be forgotten exactly.
 //!
-//! O(K + log n) to add, O(n (K + log n)) to merge n observations; 40 bytes an observation beside the sums. Not
-//! for whole maps, whose features share visits: there the log is merged, and everything fitted from it again.
+//! O(K + log n) to add, O(n (K + log n)) to merge n observations; 40 bytes an observation beside
+//! the sums. Not for whole maps, whose features share visits: there the log is merged, and
+//! everything fitted from it again.
 
 use std::collections::BTreeMap;
 
@@ -36,8 +37,9 @@ impl VisitSums {
         &self.sums
     }
 
-    /// Adds the observation of a visit and tells whether it is new; one that is known changes nothing. Fails
-    /// if the visit is known with another time or state: then an identity was given twice.
+    /// Adds the observation of a visit and returns whether it is new; one that is known changes
+    /// nothing. Fails if the visit is known with another time or state: then an identity was given
+    /// twice.
     pub fn add(&mut self, visit: u128, time: Time, state: bool) -> Result<bool> {
         match self.observations.get(&visit) {
             Some(known) if *known == (time, state) => Ok(false),
@@ -73,7 +75,8 @@ impl VisitSums {
         Ok(())
     }
 
-    /// Forgets every observation before `horizon`, as if it had never been, and tells how many there were.
+    /// Forgets every observation before `horizon`, as if it had never been, and returns how many
+    /// there were.
     pub fn forget_before(&mut self, horizon: Time) -> Result<usize> {
         let mut old = SpectralSums::new(self.sums.candidates().clone());
         for (time, state) in self

@@ -1,10 +1,10 @@
 //! Does a place follow a rhythm, or is it chance?
 //!
-//! The power of a period is summed over the features of the place: `P_k = sum over f of abs(g_fk)^2`,
-//! with g as in [`Fremen`](super::Fremen). What chance gives is found by shuffling the visit times
-//! against the rows of the log, which keeps everything but the rhythms: how often each feature is seen,
-//! and which features are seen together. A period is refused unless its power exceeds the mean over
-//! shuffles by a given number of their standard deviations z.
+//! The power of a period is summed over the features of the place: `P_k = sum over f of
+//! abs(g_fk)^2`, with g as in [`Fremen`](super::Fremen). What chance gives is found by shuffling
+//! the visit times against the rows of the log, which keeps everything but the rhythms: how often
+//! each feature is seen, and which features are seen together. A period is refused unless its power
+//! exceeds the mean over shuffles by a given number of their standard deviations z.
 //!
 //! If all features always came and went together, P would be exponential under chance, and a false
 //! alarm have probability `e^-(z + 1)`: 1 in 400 at z = 5. The more independent they are, the fewer

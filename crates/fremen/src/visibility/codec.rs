@@ -1,9 +1,10 @@
 //! How is a fitted model kept as bytes?
 //!
-//! A tag of four bytes (`CVM` and a version), a byte that names the kind, what the kind needs (written and
-//! read beside each model), and a CRC-32. Probabilities and factors are little-endian `f64` as they are in
-//! memory, so a decoded model predicts the same bits. A model is a cache of a log: its bytes are for what
-//! must start at once (an index beside a map, a worker of a cluster), not for archives.
+//! A tag of four bytes (`CVM` and a version), a byte that names the kind, what the kind needs
+//! (written and read beside each model), and a CRC-32. Probabilities and factors are little-endian
+//! `f64` as they are in memory, so a decoded model predicts the same bits. A model is a cache of a
+//! log: its bytes are for what must start at once (an index beside a map, a worker of a cluster),
+//! not for archives.
 
 use crate::spectrum::Writer;
 

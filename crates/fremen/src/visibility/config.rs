@@ -31,8 +31,8 @@ pub struct Guards {
 }
 
 impl Default for Guards {
-    /// A period is kept if it fits 1.5 times into the span of the visits and is at least twice their
-    /// median gap.
+    /// A period is kept if it fits 1.5 times into the span of the visits and is at least twice
+    /// their median gap.
     fn default() -> Self {
         Self {
             min_cycles: 1.5,
@@ -66,11 +66,13 @@ impl Guards {
         self.min_gaps
     }
 
-    /// Keeps a period only if its power, summed over the features of the place, exceeds the mean of what
-    /// shuffled visit times give by this many of their standard deviations; 0 asks for nothing.
+    /// Keeps a period only if its power, summed over the features of the place, exceeds the mean of
+    /// what shuffled visit times give by this many of their standard deviations; 0 requires
+    /// nothing.
     ///
-    /// Must be finite and not negative. Where visits are irregular this takes the place of `min_gaps`: a
-    /// rhythm far shorter than the gaps can be learnt from visits at ever other hours.
+    /// Must be finite and not negative. Where visits are irregular this takes the place of
+    /// `min_gaps`: a rhythm far shorter than the gaps can be learnt from visits at ever other
+    /// hours.
     pub fn with_min_sigmas(mut self, min_sigmas: f64) -> Result<Self> {
         self.min_sigmas = min_sigmas;
         self.validate()?;
@@ -103,18 +105,19 @@ impl Guards {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Split {
-    /// The latest this many visits, as when yesterday judges the models of the days before (T-RO IV-B).
+    /// The latest this many visits, as when yesterday judges the models of the days before (T-RO
+    /// IV-B).
     LastVisits(usize),
     /// Each of this many runs of consecutive visits in turn, at least two visits a run.
     Folds(usize),
 }
 
-/// Chooses the order with the lowest prediction error on held-out visits, for all features of a place
-/// together, then fits all visits with it.
+/// Chooses the order with the lowest prediction error on held-out visits, for all features of a
+/// place together, then fits all visits with it.
 ///
 /// The error is the mean squared difference of p and state (Brier); the lower order wins a tie.
-/// `Deviation:` T-RO IV-B counts wrong states at a threshold of 1/2 (eq. 14), which most features of a
-/// place never cross.
+/// `Deviation:` T-RO IV-B counts wrong states at a threshold of 1/2 (eq. 14), which most features
+/// of a place never cross.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
 pub struct HeldOut {
@@ -220,8 +223,8 @@ pub enum ModelConfig {
         #[serde(default)]
         balance: Balance,
     },
-    /// Least squares on the rhythms of year, week and day that held-out days bear out, all features of
-    /// the place together: a [`Fremen`](super::Fremen) in form; [`VisibilityConfig::natural`].
+    /// Least squares on the rhythms of year, week and day that held-out days bear out, all features
+    /// of the place together: a [`Fremen`](super::Fremen) in form; [`VisibilityConfig::natural`].
     Natural {
         /// Penalty on a rhythm, in independent observations.
         #[serde(default = "three")]
@@ -381,7 +384,7 @@ fn shared_rhythms(candidates: &CandidatePeriods, harmonics: Option<&[u16]>) -> R
         Some((_, count)) if 2 * count <= CandidatePeriods::MAX_COUNT => count,
         _ => {
             return Err(config(
-                "shared rhythms need harmonic candidate periods, at most half as many as elsewhere"
+                "shared rhythms need harmonic candidate periods, at most half as many as other models"
                     .into(),
             )
             .with_help("give `base-s` and `count` instead of a list"));
@@ -471,9 +474,9 @@ impl VisibilityConfig {
         Self::fremen(CandidatePeriods::MONTHS, Order::Fixed(1))
     }
 
-    /// Preset `default`: the two strongest rhythms of the [calendar](CandidatePeriods::calendar) that fit into
-    /// the span of the visits and that the place as a whole follows, not by chance. One cycle is enough
-    /// to be looked at, since a year of visits is what outdoor maps begin with.
+    /// Preset `default`: the two strongest rhythms of the [calendar](CandidatePeriods::calendar)
+    /// that fit into the span of the visits and that the place as a whole follows, not by chance.
+    /// One cycle is enough to be looked at, since a year of visits is what outdoor maps begin with.
     pub fn rhythms() -> Self {
         let guards = Guards {
             min_cycles: 0.9,
@@ -483,8 +486,8 @@ impl VisibilityConfig {
         Self::fremen(CandidatePeriods::calendar(), Order::Fixed(2)).with_guards(Some(guards))
     }
 
-    /// Mean and the natural rhythms (year, week, day and their harmonics) that whole held-out days bear
-    /// out, solved for together: the model for a series of any sampling, and the default of
+    /// Mean and the natural rhythms (year, week, day and their harmonics) that whole held-out days
+    /// bear out, solved for together: the model for a series of any sampling, and the default of
     /// `chronotope spectrum` and of the series' suites. It has no options to tune.
     pub fn natural() -> Self {
         Self {

@@ -11,8 +11,8 @@ const MAX_DEPTH: usize = 8;
 /// The model that [`VisibilityModel::encode`] wrote.
 ///
 /// Fails with [`ErrorKind::Checksum`](crate::ErrorKind::Checksum) if the bytes are damaged and with
-/// [`ErrorKind::Format`](crate::ErrorKind::Format) if they are no model: never a panic, and no more memory
-/// than a small multiple of the bytes.
+/// [`ErrorKind::Format`](crate::ErrorKind::Format) if they are no model: never a panic, and no more
+/// memory than a small multiple of the bytes.
 pub fn decode(bytes: &[u8]) -> Result<Box<dyn VisibilityModel>> {
     decode_nested(bytes, 0)
 }

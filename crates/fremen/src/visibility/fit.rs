@@ -39,8 +39,8 @@ impl Visits<'_> {
 
 /// Fits the model that `cfg` names to `visits` of a place's `log`.
 ///
-/// The same, bit for bit, as fitting a log that has no other visits. Fails only if the selection does
-/// not have one bit a visit, or has more visits than
+/// The same, bit for bit, as fitting a log that has no other visits. Fails only if the selection
+/// does not have one bit a visit, or has more visits than
 /// [`MAX_OBSERVATIONS`](crate::spectrum::MAX_OBSERVATIONS).
 pub fn fit(
     log: &HistoryLog,

@@ -6,12 +6,12 @@
 //!
 //! # Cost of learning
 //!
-//! With V visits, K candidates and B one bits in the log (or zero bits, where a feature has fewer of
-//! them): `S_k` of all features costs O(B K) additions, `W_k` is shared by all features of a birth cohort
-//! and costs O(V K), selection O(F K l). Features are taken in blocks whose sums stay in the cache, so
-//! memory is O(V K) beyond the model. Hidden bits are exact: a feature that was not observable at a
-//! visit has that visit's phasors taken out of its own `W_k`. Sums are whole numbers
-//! ([`PhasorTable`]), so no order of summation shows.
+//! With V visits, K candidates and B one bits in the log (or zero bits, where a feature has fewer
+//! of them): `S_k` of all features costs O(B K) additions, `W_k` is shared by all features of a
+//! birth cohort and costs O(V K), selection O(F K l). Features are taken in blocks whose sums stay
+//! in the cache, so memory is O(V K) beyond the model. Hidden bits are exact: a feature that was
+//! not observable at a visit has that visit's phasors taken out of its own `W_k`. Sums are whole
+//! numbers ([`PhasorTable`]), so no order of summation shows.
 
 use super::VisibilityModel;
 use super::chance;
@@ -27,7 +27,8 @@ use crate::time::Time;
 /// The sums of one block of features stay within this.
 const BLOCK_BYTES: usize = 4 * 1024 * 1024;
 
-/// So many candidates have their phasors on the stack during a prediction; more are put on the heap.
+/// So many candidates have their phasors on the stack during a prediction; more are put on the
+/// heap.
 const CANDIDATES_ON_STACK: usize = 256;
 
 /// FreMEn for every feature of a place.

@@ -1,7 +1,8 @@
 //! How often was it seen at this time of day (or week)?
 //!
-//! `p(t) = (seen in b + prior mu) / (observed in b + prior)`, b the part of the cycle that t falls into
-//! and mu the feature's own mean. Cycles count from the Unix epoch in UTC (a week starts on Thursday).
+//! `p(t) = (seen in b + prior mu) / (observed in b + prior)`, b the part of the cycle that t falls
+//! into and mu the feature's own mean. Cycles count from the Unix epoch in UTC (a week starts on
+//! Thursday).
 
 use super::VisibilityModel;
 use super::codec;
@@ -12,8 +13,8 @@ use crate::time::{Period, Time};
 
 /// A share for every part of one cycle; `8 B` bytes a feature for B parts, O(F) a prediction.
 ///
-/// Not for periods that are not known, nor for more parts than visits: a part without visits predicts
-/// the mean (1/2 if the prior is 0).
+/// Not for periods that are not known, nor for more parts than visits: a part without visits
+/// predicts the mean (1/2 if the prior is 0).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Histogram {
     period: Period,

@@ -94,9 +94,9 @@ impl BitRow {
 
 /// Which feature of one place was seen at which of its visits.
 ///
-/// Visits are in order of arrival (their times need not ascend), features in order of birth. A visit's
-/// rows are as long as the place had features *after* it; a feature's bits of earlier visits do not
-/// exist: it was not yet known ([`birth`](Self::birth)).
+/// Visits are in order of arrival (their times need not ascend), features in order of birth. A
+/// visit's rows are as long as the place had features *after* it; a feature's bits of earlier
+/// visits do not exist: it was not yet known ([`birth`](Self::birth)).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HistoryLog {
     times: Vec<Time>,
@@ -112,8 +112,8 @@ impl HistoryLog {
     }
 
     /// Appends a visit: `seen` has one bit for each feature known after it, so `seen.len()` minus
-    /// [`num_features`](Self::num_features) new features are born here; `hidden`, where given, is as
-    /// long and marks what could not be observed (never a feature that is also seen).
+    /// [`num_features`](Self::num_features) new features are born here; `hidden`, where given, is
+    /// as long and marks what could not be observed (never a feature that is also seen).
     pub fn push_visit(&mut self, time: Time, seen: BitRow, hidden: Option<BitRow>) -> Result<()> {
         let shape = |message: String| Error::new(ErrorKind::Shape, message);
         if seen.len() < self.births.len() {

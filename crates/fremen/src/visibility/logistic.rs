@@ -1,9 +1,9 @@
 //! How probable is it, in the sense that forecasts of 70 % come true 7 times in 10?
 //!
-//! `p(t) = 1 / (1 + e^{-b x(t)})`, `x(t) = (1, cos w_a t, sin w_a t, ...)` with the rhythms that the
-//! place follows (chosen as for least squares), b the most probable coefficients under normal
-//! priors that are themselves learnt from all features of the place (empirical Bayes): the mean
-//! is drawn to the place's, the rhythms to none, more so the fewer visits a feature has. p never
+//! `p(t) = 1 / (1 + e^{-b x(t)})`, `x(t) = (1, cos w_a t, sin w_a t, ...)` with the rhythms that
+//! the place follows (chosen as for least squares), b the most probable coefficients under normal
+//! priors that are themselves learnt from all features of the place (empirical Bayes): the mean is
+//! drawn to the place's, the rhythms to none, more so the fewer visits a feature has. p never
 //! reaches 0 or 1, so a likelihood can be taken of it.
 //!
 //! Learning: Newton steps, O(visits x coefficients^2) each, about six a feature. Not for maps
@@ -26,7 +26,8 @@ const MAX_STEPS: usize = 30;
 /// No prior is narrower than this standard deviation, in log odds.
 const MIN_SIGMA: f64 = 0.1;
 
-/// Logistic regression of every feature on the rhythms of the place; `8 (1 + 2 l) + 10 l` bytes a feature.
+/// Logistic regression of every feature on the rhythms of the place; `8 (1 + 2 l) + 10 l` bytes a
+/// feature.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Logistic {
     /// Log odds in place of probabilities.

@@ -1,12 +1,12 @@
 //! Is it still as it was last seen?
 //!
-//! A continuous Markov chain of two states: `p(t) = q + (s - q) e^{-(alpha + beta) (t - t_last)}` with
-//! `q = alpha / (alpha + beta)`, alpha the rate of appearing and beta of vanishing (RAS 2016 eq. 5-6).
-//! A rate is the number of changes over the time spent in the state, the time between two observations
-//! being counted for the state at its start.
+//! A continuous Markov chain of two states: `p(t) = q + (s - q) e^{-(alpha + beta) (t - t_last)}`
+//! with `q = alpha / (alpha + beta)`, alpha the rate of appearing and beta of vanishing (RAS 2016
+//! eq. 5-6). A rate is the number of changes over the time spent in the state, the time between two
+//! observations being counted for the state at its start.
 //!
-//! `Deviation:` before the last observation, where the paper predicts nothing, the distance in time is
-//! used. Changes between observations at the same time have no rate and are left out.
+//! `Deviation:` before the last observation, where the paper predicts nothing, the distance in time
+//! is used. Changes between observations at the same time have no rate and are left out.
 
 use super::VisibilityModel;
 use super::codec;

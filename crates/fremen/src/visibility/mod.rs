@@ -1,8 +1,9 @@
 //! Will it be visible at time t?
 //!
-//! A [`VisibilityModel`] gives p(t) for every feature of one place. [`fit`] makes one from the place's
-//! [`HistoryLog`], which is the source of truth: a model is a cache and can be fitted again from all
-//! visits or from some of them ([`Visits`]). [`VisibilityConfig`] says which model, in code or in TOML.
+//! A [`VisibilityModel`] gives p(t) for every feature of one place. [`fit`] makes one from the
+//! place's [`HistoryLog`], which is the source of truth: a model is a cache and can be fitted again
+//! from all visits or from some of them ([`Visits`]). [`VisibilityConfig`] says which model, in
+//! code or in TOML.
 //!
 //! | model | p(t) | for | not for |
 //! |---|---|---|---|
@@ -18,8 +19,8 @@
 //!
 //! # One state is a place with one feature
 //!
-//! A door, a person in a room, an edge that can be passed: a log of one feature. A visit that says nothing
-//! of it marks it as hidden.
+//! A door, a person in a room, an edge that can be passed: a log of one feature. A visit that says
+//! nothing of it marks it as hidden.
 //!
 //! ```
 //! use fremen::visibility::{BitRow, HistoryLog, VisibilityConfig, Visits, fit};
@@ -42,22 +43,23 @@
 //!
 //! # What was measured
 //!
-//! A door, ten weeks of minutes, learnt from 2 % of the office hours alone, five draws, and asked about a whole
-//! later week (`chronotope-eval run door2016`, Brier score): the mean 0.18, FreMEn as the papers print it 0.19
-//! to 0.26 at orders 1 to 5, natural 0.10. FreMEn measures one rhythm at a time, so that
-//! in such samples every rhythm borrows from every other; natural solves for all together. Where samples
-//! are spread evenly, all of them agree.
+//! A door, ten weeks of minutes, learnt from 2 % of the office hours alone, five draws, and
+//! evaluated on a whole later week (`chronotope-eval run door2016`, Brier score): the mean 0.18,
+//! FreMEn as the papers print it 0.19 to 0.26 at orders 1 to 5, natural 0.10. FreMEn measures one
+//! rhythm at a time, so that in such samples every rhythm borrows from every other; natural solves
+//! for all together. Where samples are spread evenly, all of them agree.
 //!
-//! Its limit: of a door known from the office hours of five days alone (`chronotope-eval run door`) natural still
-//! beats the mean (0.30 against 0.39) but swings in the nights that nobody saw, and the unbalanced rule of T-RO
-//! eq. 11 is better there (0.21) by luck: it takes the rhythm of the sampling for one of the door, and the door
-//! happens to follow office hours too.
+//! Its limit: of a door known from the office hours of five days alone (`chronotope-eval run door`)
+//! natural still beats the mean (0.30 against 0.39) but swings in the nights that nobody saw, and
+//! the unbalanced rule of T-RO eq. 11 is better there (0.21) by luck: it takes the rhythm of the
+//! sampling for one of the door, and the door happens to follow office hours too.
 //!
 //! # Defined answers
 //!
-//! A feature without any observation has p = 1/2 (RAS 4.1.2 starts there), one visit or an unchanging history
-//! gives the mean at every order, and any [`Time`](crate::Time), however far, has a p in [0, 1], never NaN.
-//! Times may come in any order and be equal, negative or far. Candidates may be more than visits.
+//! A feature without any observation has p = 1/2 (RAS 4.1.2 starts there), one visit or an
+//! unchanging history gives the mean at every order, and any [`Time`](crate::Time), however far,
+//! has a p in [0, 1], never NaN. Times may come in any order and be equal, negative or far.
+//! Candidates may be more than visits.
 
 mod chance;
 mod codec;

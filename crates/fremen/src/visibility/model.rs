@@ -24,8 +24,8 @@ pub trait VisibilityModel: Debug + Send + Sync {
     /// If there is no such feature.
     fn predict_one(&self, feature: usize, time: Time) -> f64;
 
-    /// Writes what features are ranked by: p(`time`) before it is clamped to [0, 1], where the model has
-    /// such a number, so that features whose p is clamped alike still differ.
+    /// Writes what features are ranked by: p(`time`) before it is clamped to [0, 1], where the
+    /// model has such a number, so that features whose p is clamped alike still differ.
     ///
     /// # Panics
     /// If `out` is not [`num_features`](Self::num_features) long.
@@ -38,7 +38,8 @@ pub trait VisibilityModel: Debug + Send + Sync {
         0
     }
 
-    /// What the rhythms of one feature swing about; `None` for a model that is not a level and rhythms.
+    /// What the rhythms of one feature swing about; `None` for a model that is not a level and
+    /// rhythms.
     ///
     /// # Panics
     /// If there is no such feature.
@@ -56,13 +57,14 @@ pub trait VisibilityModel: Debug + Send + Sync {
         Vec::new()
     }
 
-    /// The model as bytes, from which [`decode`](super::decode) makes one that predicts the same bits.
-    /// `None` if this kind of model has no such form; every model of this crate has one.
+    /// The model as bytes, from which [`decode`](super::decode) makes one that predicts the same
+    /// bits. `None` if this kind of model has no such form; every model of this crate has one.
     fn encode(&self) -> Option<Vec<u8>> {
         None
     }
 
-    /// The model itself, if it is a level and rhythms and nothing else: one of two that are kept in files.
+    /// The model itself, if it is a level and rhythms and nothing else: one of two that are kept in
+    /// files.
     fn as_fremen(&self) -> Option<&Fremen> {
         None
     }

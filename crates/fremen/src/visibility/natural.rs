@@ -1,40 +1,43 @@
-//! Which rhythms of the year, the week and the day does a place follow, told from a few odd hours?
+//! Which rhythms of the year, the week and the day does a place follow, learnt from a few odd
+//! hours?
 //!
-//! `p(t) = clamp(b x(t))`, `x(t) = (1, cos w_a t, sin w_a t, ...)` with rhythms that all features of a
-//! place share, taken in order from three cycles: a year; a week and its half; a day and its half,
-//! third and quarter. One mean and all rhythms are solved for together, because visits at certain hours
-//! only make them look alike, one at a time.
+//! `p(t) = clamp(b x(t))`, `x(t) = (1, cos w_a t, sin w_a t, ...)` with rhythms that all features
+//! of a place share, taken in order from three cycles: a year; a week and its half; a day and its
+//! half, third and quarter. One mean and all rhythms are solved for together, because visits at
+//! certain hours only make them look alike, one at a time.
 //!
 //! # What keeps it from dreaming
 //!
-//! Visits at office hours say little of the night, and visits of one hour are nearly one observation.
-//! So the days are what counts:
+//! Visits at office hours say little of the night, and visits of one hour are nearly one
+//! observation. So the days are what counts:
 //!
-//! 1. *Dispersion.* `phi = sum over days of (sum of residuals of the mean)^2 / sum of residuals^2`, over
-//!    all features, at least 1: by how much the visits of a day repeat each other (a cluster-robust
-//!    variance over that of independent visits).
-//! 2. *Ridge.* b minimises `sum (s - b x)^2 + ridge phi (b_1^2 + b_2^2 + ...)`: a normal prior whose variance
-//!    is the noise's over `ridge`. The default 3 is the noise of a coin (1/4) over the variance of a number
-//!    that may be anything within half of the mean (1/12). Where few independent days speak, p stays near
-//!    the mean, and what was never observed is extrapolated by the slowest rhythms only.
-//! 3. *Held-out days.* For each of the 30 choices of cycles and their harmonics, whole days are left out,
-//!    ten runs of consecutive ones in turn, and foretold by the others. The choice with the lowest squared
-//!    error is taken if it beats the mean by more than the standard error of the difference over the runs;
-//!    otherwise it is the mean. Random visits left out instead would be foretold by their neighbours.
+//! 1. *Dispersion.* `phi = sum over days of (sum of residuals of the mean)^2 / sum of residuals^2`,
+//!    over all features, at least 1: by how much the visits of a day repeat each other (a
+//!    cluster-robust variance over that of independent visits).
+//! 2. *Ridge.* b minimises `sum (s - b x)^2 + ridge phi (b_1^2 + b_2^2 + ...)`: a normal prior
+//!    whose variance is the noise's over `ridge`. The default 3 is the noise of a coin (1/4) over
+//!    the variance of a number that may be anything within half of the mean (1/12). Where few
+//!    independent days speak, p stays near the mean, and what was never observed is extrapolated by
+//!    the slowest rhythms only.
+//! 3. *Held-out days.* For each of the 30 choices of cycles and their harmonics, whole days are
+//!    left out, ten runs of consecutive ones in turn, and predicted by the others. The choice with
+//!    the lowest squared error is taken if it beats the mean by more than the standard error of the
+//!    difference over the runs; otherwise it is the mean. Random visits left out instead would be
+//!    predicted by their neighbours.
 //!
-//! A day is 24 h from the earliest visit on, so that no zone is preferred and shifted times shift p. Fewer
-//! than 8 visits or 3 days give the mean.
+//! A day is 24 h from the earliest visit on, so that no zone is preferred and shifted times shift
+//! p. Fewer than 8 visits or 3 days give the mean.
 //!
 //! # Cost
 //!
-//! Everything is computed from sums of products of x and of states, rounded to whole numbers of 2^-40 as in
-//! [`SpectralSums`](crate::spectrum::SpectralSums): O(visits x 120) for a place, O(one bits x 15) for its
-//! features, and 300 systems of at most 15 unknowns for each birth cohort of the at most 256 features that
-//! choose. The model is a [`Fremen`] in form and as small.
+//! Everything is computed from sums of products of x and of states, rounded to whole numbers of
+//! 2^-40 as in [`SpectralSums`](crate::spectrum::SpectralSums): O(visits x 120) for a place, O(one
+//! bits x 15) for its features, and 300 systems of at most 15 unknowns for each birth cohort of the
+//! at most 256 features that choose. The model is a [`Fremen`] in form and as small.
 //!
-//! Sources: harmonic regression with a floating mean as in Zechmeister and Kuerster 2009 (generalised
-//! Lomb-Scargle); the order on held-out data as in T-RO 2017 IV-B. Not for rhythms of other lengths, such as
-//! a machine's or a shift plan's: let [`Fremen`] look for them.
+//! Sources: harmonic regression with a floating mean as in Zechmeister and Kuerster 2009
+//! (generalised Lomb-Scargle); the order on held-out data as in T-RO 2017 IV-B. Not for rhythms of
+//! other lengths, such as a machine's or a shift plan's: let [`Fremen`] look for them.
 
 use super::Fremen;
 use super::evidence::Evidence;
@@ -52,8 +55,8 @@ const NUM_HARMONICS: [usize; 3] = [1, 2, 4];
 const SIZE: usize = 1 + 2 * 7;
 /// Products of two columns, the lower triangle.
 const NUM_PRODUCTS: usize = SIZE * (SIZE + 1) / 2;
-/// How often each cycle must fit into the span of the visits. One year is enough to be looked at, since that is
-/// what outdoor maps begin with.
+/// How often each cycle must fit into the span of the visits. One year is enough to be looked at,
+/// since that is what outdoor maps begin with.
 const MIN_CYCLES: [f64; 3] = [0.9, 1.5, 1.5];
 /// Features that choose the rhythms.
 const MAX_VOTERS: usize = 256;
@@ -204,8 +207,8 @@ impl<'a> Cohorts<'a> {
         }
     }
 
-    /// The sums of each run for `feature`, which is not born before the one asked for last; `None` if they
-    /// are those of that one.
+    /// The sums of each run for `feature`, which is not born before the one requested last; `None`
+    /// if they are those of that one.
     fn next(&mut self, feature: usize, is_first: bool) -> Option<Vec<Gram>> {
         let from = self.evidence.first_visit(feature);
         let is_same = from == self.from && !is_first && !self.any_hidden;
@@ -388,7 +391,7 @@ fn seen_sums(
     sums
 }
 
-/// The rhythms that foretell left-out days best; none if they are not clearly better than the mean.
+/// The rhythms that predict left-out days best; none if they are not clearly better than the mean.
 fn choose(
     evidence: &Evidence<'_>,
     design: &Design,
@@ -427,7 +430,7 @@ fn choose(
         }
         for run in 0..num_runs {
             for (choice, columns) in all_columns.iter().enumerate() {
-                // Without observations in the other runs nothing is foretold, by no choice.
+                // Without observations in the other runs no choice predicts anything.
                 let Some(factor) = &factors[run][choice] else {
                     continue;
                 };

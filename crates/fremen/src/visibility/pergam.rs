@@ -1,13 +1,13 @@
 //! At which times of day does it appear?
 //!
-//! The periodic Gaussian mixture (`PerGaM`) of RAS 2016 4.3.2: the share of times seen in each part of
-//! the cycle (eq. 8) is taken as a density and described by a few Gaussians, found by expectation
-//! maximisation; `p(t) = A sum over j of w_j N(t mod T; mu_j, sigma_j)` (eq. 9), A the mean share, in
-//! units of cycles.
+//! The periodic Gaussian mixture (`PerGaM`) of RAS 2016 4.3.2: the share of times seen in each part
+//! of the cycle (eq. 8) is taken as a density and described by a few Gaussians, found by
+//! expectation maximisation; `p(t) = A sum over j of w_j N(t mod T; mu_j, sigma_j)` (eq. 9), A the
+//! mean share, in units of cycles.
 //!
-//! `Deviation:` Gaussians are wrapped round the cycle (the images one cycle before and after count), so
-//! that midnight is no edge; eq. 8 printed as a sum times k/tau is read as a mean; a part of the cycle
-//! without observations has the feature's mean.
+//! `Deviation:` Gaussians are wrapped round the cycle (the images one cycle before and after
+//! count), so that midnight is no edge; eq. 8 printed as a sum times k/tau is read as a mean; a
+//! part of the cycle without observations has the feature's mean.
 
 use super::VisibilityModel;
 use super::codec;
@@ -20,7 +20,8 @@ use crate::time::{Period, Time};
 /// Steps of expectation maximisation at most.
 const MAX_STEPS: usize = 100;
 
-/// A few Gaussians round one cycle; `24 l` bytes a feature and 3 exponentials a Gaussian and prediction.
+/// A few Gaussians round one cycle; `24 l` bytes a feature and 3 exponentials a Gaussian and
+/// prediction.
 ///
 /// Learning costs up to 300 exponentials a feature, part and Gaussian: not for large maps, nor for
 /// states that are mostly 1 (it describes events, not their absence), nor for more than one period.
@@ -99,7 +100,7 @@ pub(super) fn fit(
 fn mixture(profile: &[f64], order: usize) -> Vec<Gaussian> {
     let num_bins = profile.len() as f64;
     let phase = |part: usize| (part as f64 + 0.5) / num_bins;
-    // Half a part's width is the sharpest that the profile can tell.
+    // Half a part's width is the sharpest that the profile can resolve.
     let min_sigma = 0.5 / num_bins;
     let total: f64 = profile.iter().sum();
     let mean_share = total / num_bins;

@@ -1,11 +1,12 @@
 //! For how long does the last look count?
 //!
-//! `p'(t) = s_last w + p(t) (1 - w)`, `w = e^{-(t - t_last) / tau}`, round any model p (T-RO eq. 13);
-//! `1 / tau` is the mean of `abs(s_i - s_{i-1}) / (t_i - t_{i-1})` over consecutive observations.
+//! `p'(t) = s_last w + p(t) (1 - w)`, `w = e^{-(t - t_last) / tau}`, round any model p (T-RO eq.
+//! 13); `1 / tau` is the mean of `abs(s_i - s_{i-1}) / (t_i - t_{i-1})` over consecutive
+//! observations.
 //!
-//! Erratum: eq. 12 prints that mean with mixed counts n and n + 1; it is a plain mean here.
-//! tau is infinite where nothing has ever changed: the only state known holds forever. A feature that
-//! was never observed has the wrapped model's p. `Deviation:` observations at equal times have no rate
+//! Erratum: eq. 12 prints that mean with mixed counts n and n + 1; it is a plain mean here. tau is
+//! infinite where nothing has ever changed: the only state known holds forever. A feature that was
+//! never observed has the wrapped model's p. `Deviation:` observations at equal times have no rate
 //! and are left out; before the last observation the distance in time counts.
 
 use super::VisibilityModel;
@@ -94,7 +95,8 @@ impl Persistent {
         Ok(Self { of, features })
     }
 
-    /// The mean time between changes of a feature; infinite if it never changed or was never observed.
+    /// The mean time between changes of a feature; infinite if it never changed or was never
+    /// observed.
     ///
     /// # Panics
     /// If there is no such feature.

@@ -1,23 +1,25 @@
 //! Which rhythms does a place follow?
 //!
-//! One feature of a place has too few visits to choose among many periods; all features together have
-//! enough. The rhythms are therefore chosen once per place, on the sum over features of the squares that
-//! harmonic least squares explains ([`HarmonicRegression`]), one after the other:
+//! One feature of a place has too few visits to choose among many periods; all features together
+//! have enough. The rhythms are therefore chosen once per place, on the sum over features of the
+//! squares that harmonic least squares explains ([`HarmonicRegression`]), one after the other:
 //!
 //! 1. Guards drop what the visit times cannot support.
 //! 2. A rhythm may be chosen if it is one of the natural cycles (a day, a week, a year, or the base
-//!    period itself), or the next harmonic of a natural cycle whose harmonics before it have been chosen.
-//!    Visits at certain hours only make many rhythms fit alike where there are visits; natural ones
-//!    also hold where there are none.
+//!    period itself), or the next harmonic of a natural cycle whose harmonics before it have been
+//!    chosen. Visits at certain hours only make many rhythms fit alike where there are visits;
+//!    natural ones also hold where there are none.
 //! 3. Each step adds the one that explains most beyond those already chosen.
 //! 4. False alarms: the visit times are shuffled 19 times against the rows of the log, which keeps
-//!    everything but the rhythms. The longest choice that explains more than every shuffle's choice of
-//!    the same length is kept (a chance of 1 in 20 for each length that pure noise gets through).
-//! 5. How many of those are kept is decided on held-out visits, with the choice repeated without them.
+//!    everything but the rhythms. The longest choice that explains more than every shuffle's choice
+//!    of the same length is kept (a chance of 1 in 20 for each length that pure noise gets
+//!    through).
+//! 5. How many of those are kept is decided on held-out visits, with the choice repeated without
+//!    them.
 //!
 //! Not for rhythms of unnatural length, such as a machine's: let FreMEn look for them.
 //!
-//! At most 2,048 features, evenly spread, are asked.
+//! At most 2,048 features, evenly spread, take part.
 
 use super::chance::Shuffles;
 use super::config::{Guards, HeldOut};
@@ -119,8 +121,8 @@ impl SharedRhythms<'_> {
         }
     }
 
-    /// For each order, the most that a choice of that many rhythms explains when the visit times are
-    /// shuffled.
+    /// For each order, the most that a choice of that many rhythms explains when the visit times
+    /// are shuffled.
     fn explained_by_chance(
         &self,
         evidence: &Evidence<'_>,
@@ -141,8 +143,8 @@ impl SharedRhythms<'_> {
         Ok(most)
     }
 
-    /// Up to the greatest number of harmonics, each the one that explains most beyond those before it,
-    /// and the squares that 0, 1, 2, ... of them explain beyond the mean.
+    /// Up to the greatest number of harmonics, each the one that explains most beyond those before
+    /// it, and the squares that 0, 1, 2, ... of them explain beyond the mean.
     fn path(&self, voters: &Voters, allowed: &[bool]) -> (Vec<u16>, Vec<f64>) {
         let natural = self.natural_cycles();
         let mut path: Vec<u16> = Vec::new();
@@ -243,7 +245,8 @@ impl SharedRhythms<'_> {
 /// Features whose sums are held at once.
 const BLOCK: usize = 1_024;
 
-/// Sums of up to [`MAX_VOTERS`] evenly spread features, with the visits at their own times or others.
+/// Sums of up to [`MAX_VOTERS`] evenly spread features, with the visits at their own times or
+/// others.
 fn voters(
     evidence: &Evidence<'_>,
     candidates: &CandidatePeriods,

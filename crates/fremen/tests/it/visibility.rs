@@ -1,5 +1,5 @@
-//! Properties of the models of visibility, against a plain oracle that reads the log one observation
-//! at a time.
+//! Properties of the models of visibility, against a plain oracle that reads the log one
+//! observation at a time.
 
 #![allow(clippy::expect_used, reason = "a broken fixture ends the test")]
 use std::f64::consts::TAU;
@@ -481,7 +481,8 @@ fn more_candidates_than_visits_are_defined() {
     }
 }
 
-/// `num` visits every so many hours, of features of which each is seen as `is_seen(feature, hour)` says.
+/// `num` visits every so many hours, of features of which each is seen as `is_seen(feature, hour)`
+/// says.
 fn visits(num: i64, every_h: i64, is_seen: impl Fn(u64, i64) -> bool) -> Vec<Row> {
     (0..num)
         .map(|i| {

@@ -35,8 +35,8 @@ fn bit(state: bool) -> BitRow {
     row
 }
 
-/// Prints the Brier score on the unseen week of each model learnt from 2 % of the office hours (Monday to Friday,
-/// 8 to 18 h UTC) of ten weeks, over five draws.
+/// Prints the Brier score on the unseen week of each model learnt from 2 % of the office hours
+/// (Monday to Friday, 8 to 18 h UTC) of ten weeks, over five draws.
 #[test]
 fn real_data_office_hours_alone_foretell_the_next_week() {
     let (Some(learn), Some(test)) = (

@@ -16,11 +16,12 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::file::format::{
-    MAX_ATTACHMENT_BYTES, MAX_TEXT_BYTES, decode_descriptors, decode_keypoints, encode_descriptors,
-    encode_keypoints, pair,
+use super::codec::{
+    decode_descriptors, decode_keypoints, encode_descriptors, encode_keypoints, pair,
 };
-use super::types::{PlaceKey, SessionId, Snapshot, VisitId};
+use super::limits::{MAX_ATTACHMENT_BYTES, MAX_TEXT_BYTES};
+use super::snapshot::Snapshot;
+use super::types::{PlaceKey, SessionId, VisitId};
 use crate::feature::{Features, GrayImage};
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;

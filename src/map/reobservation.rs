@@ -16,7 +16,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::types::Snapshot;
+use super::snapshot::Snapshot;
 use fremen::error::{Error, ErrorKind, Result};
 
 /// The attachment's name.

@@ -20,7 +20,7 @@ use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
 use fremen::visibility::BitRow;
 
-use crate::map::file::format::MAX_FEATURES;
+use crate::map::limits::MAX_FEATURES;
 
 /// Numbers of one matrix, at most.
 const MAX_CELLS: usize = 1 << 28;

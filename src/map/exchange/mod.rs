@@ -15,9 +15,11 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 use crate::feature::{Features, Rect};
-use crate::map::file::digest::{use_name, use_named};
-use crate::map::file::format::{self, MAX_ATTACHMENT_BYTES, MAX_FEATURES};
-use crate::map::types::{Edge, MapMeta, Node, PlaceKey, SessionId, Snapshot, Visit, VisitId};
+use crate::map::codec;
+use crate::map::limits::{DESCRIPTOR_BYTES, KEYPOINT_BYTES, MAX_ATTACHMENT_BYTES, MAX_FEATURES};
+use crate::map::node::Node;
+use crate::map::snapshot::Snapshot;
+use crate::map::types::{AppearanceUse, Edge, MapMeta, PlaceKey, SessionId, Visit, VisitId};
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
 use fremen::visibility::{BitRow, Observation};
@@ -253,7 +255,7 @@ fn visit_row(node: &Node, at: usize) -> Vec<String> {
         visit.session.to_string(),
         visit.time.as_us().to_string(),
         visit.source.clone(),
-        use_name(visit.appearance_use).to_owned(),
+        visit.appearance_use.name().to_owned(),
         node.log.seen_row(at).len().to_string(),
         node.log.hidden_row(at).is_some().to_string(),
         node.experience_log.seen_row(at).len().to_string(),
@@ -293,13 +295,10 @@ struct Arrays {
     num_taken: usize,
 }
 
-const KEYPOINT_BYTES: usize = 16;
-const DESCRIPTOR_BYTES: usize = 32;
-
 impl Arrays {
     fn push(&mut self, features: &Features) {
-        (self.keypoints).extend(format::encode_keypoints(features.keypoints()));
-        (self.descriptors).extend(format::encode_descriptors(features.descriptors()));
+        (self.keypoints).extend(codec::encode_keypoints(features.keypoints()));
+        (self.descriptors).extend(codec::encode_descriptors(features.descriptors()));
     }
 
     fn write(&self, folder: &Path, prefix: &str) -> Result<()> {
@@ -385,8 +384,8 @@ impl Pending<'_> {
             (self.keypoints).split_at_checked(len.checked_mul(KEYPOINT_BYTES)?)?;
         let (descriptors, others) = self.descriptors.split_at_checked(len * DESCRIPTOR_BYTES)?;
         (self.keypoints, self.descriptors) = (left, others);
-        let keypoints = format::decode_keypoints(keypoints).ok()?;
-        format::pair(keypoints, format::decode_descriptors(descriptors).ok()?).ok()
+        let keypoints = codec::decode_keypoints(keypoints).ok()?;
+        codec::pair(keypoints, codec::decode_descriptors(descriptors).ok()?).ok()
     }
 
     fn all(mut self) -> Result<Features> {
@@ -553,7 +552,7 @@ impl Table {
             time: Time::from_us(self.number(row, 3)?),
             source: row[4].to_owned(),
             appearance,
-            appearance_use: use_named(&row[5]).ok_or_else(|| {
+            appearance_use: AppearanceUse::named(&row[5]).ok_or_else(|| {
                 self.cell_error(row, 5, "`experience` or `recognised` is expected")
             })?,
         })

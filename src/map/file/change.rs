@@ -6,15 +6,16 @@
 use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
 
-use rusqlite::Connection;
-use rusqlite::types::ValueRef;
+use chronotope_store::{ValueRef, Writer};
 
-use super::digest;
-use super::format::{self, encode_bits, encode_descriptors, encode_keypoints};
-use super::load::State;
-use super::store::{insert, insert_meta};
+use super::state::State;
+use super::tables;
 use crate::feature::{Features, FeaturesView};
-use crate::map::types::{Node, Snapshot};
+use crate::map::codec::{encode_bits, encode_descriptors, encode_keypoints};
+use crate::map::digest;
+use crate::map::node::Node;
+use crate::map::snapshot::Snapshot;
+use crate::map::types::MapMeta;
 use fremen::error::{Error, ErrorKind, Result};
 
 /// What a commit has to write.
@@ -141,16 +142,11 @@ impl Change {
     }
 
     /// Writes the rows that lead from `before` to `after`, except that of the generation.
-    pub(super) fn write(
-        &self,
-        connection: &Connection,
-        before: &State,
-        after: &State,
-    ) -> rusqlite::Result<()> {
+    pub(super) fn write(&self, writer: &Writer<'_>, before: &State, after: &State) -> Result<()> {
         let next = &after.snapshot;
         let generation = ValueRef::Integer(next.generation as i64);
         if self.meta {
-            insert_meta(connection, next.generation, &next.meta)?;
+            insert_meta(writer, next.generation, &next.meta)?;
         }
         if self.edges {
             for (id, edge) in (before.last_edge + 1..).zip(&next.edges) {
@@ -161,7 +157,7 @@ impl Change {
                     ValueRef::Text(edge.to.as_str().as_bytes()),
                     ValueRef::Text(edge.name.as_bytes()),
                 ];
-                insert(connection, &format::EDGE, &values)?;
+                writer.insert(&tables::EDGE, &values)?;
             }
         }
         let mut visit_row = before.last_visit;
@@ -170,15 +166,11 @@ impl Change {
             let place = after.place_rows[at];
             if at >= before.snapshot.nodes.len() {
                 let key = ValueRef::Text(node.key.as_str().as_bytes());
-                insert(
-                    connection,
-                    &format::PLACE,
-                    &[ValueRef::Integer(place), generation, key],
-                )?;
+                writer.insert(&tables::PLACE, &[ValueRef::Integer(place), generation, key])?;
             }
             for visit in num_stored..node.visits.len() {
                 visit_row += 1;
-                insert_visit(connection, visit_row, generation, place, node, visit)?;
+                insert_visit(writer, visit_row, generation, place, node, visit)?;
             }
         }
         for (id, &at) in (before.last_pose + 1..).zip(&self.poses) {
@@ -188,7 +180,7 @@ impl Change {
                 ValueRef::Integer(after.place_rows[at]),
             ];
             values.extend(digest::pose_values(next.nodes[at].pose));
-            insert(connection, &format::POSE, &values)?;
+            writer.insert(&tables::POSE, &values)?;
         }
         for (id, name) in (before.last_attachment + 1..).zip(&self.attachments) {
             let value = next.attachments.get(name).map_or(&[][..], |value| value);
@@ -198,10 +190,17 @@ impl Change {
                 ValueRef::Text(name.as_bytes()),
                 ValueRef::Blob(value),
             ];
-            insert(connection, &format::ATTACHMENT, &values)?;
+            writer.insert(&tables::ATTACHMENT, &values)?;
         }
         Ok(())
     }
+}
+
+pub(super) fn insert_meta(writer: &Writer<'_>, generation: u64, meta: &MapMeta) -> Result<()> {
+    let uuid = meta.uuid.to_be_bytes();
+    let mut values = vec![ValueRef::Integer(generation as i64)];
+    values.extend(digest::meta_values(meta, &uuid));
+    writer.insert(&tables::META, &values)
 }
 
 /// The names of attachments that differ, ascending.
@@ -222,13 +221,13 @@ fn changed_attachments(stored: &Snapshot, next: &Snapshot) -> Vec<String> {
 }
 
 fn insert_visit(
-    connection: &Connection,
+    writer: &Writer<'_>,
     row: i64,
     generation: ValueRef<'_>,
     place: i64,
     node: &Node,
     number: usize,
-) -> rusqlite::Result<()> {
+) -> Result<()> {
     let visit = &node.visits[number];
     let seen = node.log.seen_row(number);
     let hidden = node.log.hidden_row(number).map(encode_bits);
@@ -241,13 +240,13 @@ fn insert_visit(
         ValueRef::Blob(&visit.session.0.to_be_bytes()),
         ValueRef::Integer(visit.time.as_us()),
         ValueRef::Text(visit.source.as_bytes()),
-        ValueRef::Text(digest::use_name(visit.appearance_use).as_bytes()),
+        ValueRef::Text(visit.appearance_use.name().as_bytes()),
         ValueRef::Integer(seen.len() as i64),
         ValueRef::Blob(&encode_bits(seen)),
         hidden.as_deref().map_or(ValueRef::Null, ValueRef::Blob),
         ValueRef::Blob(&encode_bits(node.experience_log.seen_row(number))),
     ];
-    insert(connection, &format::VISIT, &values)?;
+    writer.insert(&tables::VISIT, &values)?;
     let insert_features = |table, features: FeaturesView<'_>| {
         let values = [
             ValueRef::Integer(row),
@@ -255,7 +254,7 @@ fn insert_visit(
             ValueRef::Blob(&encode_keypoints(features.keypoints)),
             ValueRef::Blob(&encode_descriptors(features.descriptors)),
         ];
-        insert(connection, table, &values)
+        writer.insert(table, &values)
     };
     let born = node.born_at(number);
     if !born.is_empty() {
@@ -263,10 +262,10 @@ fn insert_visit(
             keypoints: &node.features.keypoints()[born.clone()],
             descriptors: &node.features.descriptors()[born],
         };
-        insert_features(&format::FEATURE, born)?;
+        insert_features(&tables::FEATURE, born)?;
     }
     match visit.appearance.as_deref().map(Features::view) {
-        Some(appearance) => insert_features(&format::APPEARANCE, appearance),
+        Some(appearance) => insert_features(&tables::APPEARANCE, appearance),
         None => Ok(()),
     }
 }

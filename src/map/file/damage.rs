@@ -4,11 +4,11 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
+use chronotope_store::{ValueRef, row_crc};
 use rusqlite::Connection;
-use rusqlite::types::ValueRef;
 
 use crate::feature::{Descriptor, Features, Keypoint};
-use crate::map::file::format;
+use crate::map::file::tables;
 use crate::map::*;
 use fremen::time::Time;
 use fremen::visibility::BitRow;
@@ -323,16 +323,16 @@ fn bits_that_do_not_fit_the_experiences_are_named() {
         let path = folder.path().join(format!("{bits:?}.map"));
         let map = tiny(&path);
         map.with_connection(|connection| {
-            let columns = format::VISIT.columns.join(", ");
+            let columns = tables::VISIT.columns.join(", ");
             let sql = format!("SELECT {columns} FROM visit WHERE id = 2");
             let crc = connection
                 .query_row(&sql, [], |row| {
-                    let mut values = (0..format::VISIT.columns.len())
+                    let mut values = (0..tables::VISIT.columns.len())
                         .map(|column| row.get_ref(column))
                         .collect::<rusqlite::Result<Vec<_>>>()?;
                     values.pop();
                     values.push(ValueRef::Blob(bits));
-                    Ok(format::row_crc(&format::VISIT, &values))
+                    Ok(row_crc(&tables::VISIT, &values))
                 })
                 .expect("there");
             connection

@@ -2,21 +2,23 @@
 //!
 //! The content of a generation is made of its ancestors' rows, so a row is dropped only if no
 //! generation that stays needs it. Of the others, a generation without a branch is merged into the one
-//! after it: its rows change their number, and what the later one replaced (poses, attachments, edges)
-//! goes. Generations that stay keep their number, content and digest.
+//! after it: its rows change their number, and what no longer holds ([`Holds`]) goes. Generations that
+//! stay keep their number, content and digest.
 //!
 //! Everything happens in one transaction, between two readings of the whole file: damage is never
 //! given a new checksum.
 
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
+use fremen::error::{Error, ErrorKind, Result};
 use rusqlite::Connection;
 use rusqlite::types::{Value, ValueRef};
 
-use super::format::{self, Table};
-use super::load::{self, Faults, Generation, State};
-use super::store::{insert, insert_generation, migrate, sqlite_error};
-use fremen::error::{Error, ErrorKind, Result};
+use crate::fault::Faults;
+use crate::generation::{Generation, note_columns};
+use crate::kind::Kind;
+use crate::table::{Holds, Table};
+use crate::transaction::{Reader, Writer, insert};
 
 /// What becomes of the rows of each generation.
 struct Plan {
@@ -24,13 +26,13 @@ struct Plan {
     stay: Vec<Generation>,
     /// Where the rows of a generation go; those of none given are deleted.
     target: BTreeMap<u64, u64>,
-    /// The generations whose edges some generation that stays has.
-    edges: BTreeSet<u64>,
+    /// By a column of the table of generations: the generations that one that stays names there.
+    listed: BTreeMap<&'static str, BTreeSet<u64>>,
 }
 
 impl Plan {
     /// Keeps generation 0, the newest, those in `keep` and those where their lines part.
-    fn new(generations: &[Generation], keep: &BTreeSet<u64>) -> Self {
+    fn new(kind: &Kind, generations: &[Generation], keep: &BTreeSet<u64>) -> Self {
         let parents: BTreeMap<u64, Option<u64>> = generations
             .iter()
             .map(|it| (it.number, it.parent))
@@ -54,19 +56,28 @@ impl Plan {
         }
         let stays = |number: u64| target.get(&number) == Some(&number);
         let moved = |number: u64| target.get(&number).copied().unwrap_or(number);
-        let mut edges = BTreeSet::new();
+        let columns: Vec<&'static str> = note_columns(kind.tables_now()[0]).collect();
+        let is_reference = |at: usize| kind.references.contains(&columns[at]);
+        let mut listed: BTreeMap<&'static str, BTreeSet<u64>> = BTreeMap::new();
         let stay = (generations.iter().filter(|it| stays(it.number)))
             .map(|it| {
-                edges.insert(it.edges);
                 let mut parent = it.parent;
                 while let Some(number) = parent.filter(|&number| !stays(number)) {
                     parent = parents.get(&number).copied().flatten();
                 }
+                let mut notes = it.notes.clone();
+                for (at, note) in notes
+                    .iter_mut()
+                    .enumerate()
+                    .filter(|(at, _)| is_reference(*at))
+                {
+                    listed.entry(columns[at]).or_default().insert(*note);
+                    *note = moved(*note);
+                }
                 Generation {
                     parent,
                     prunes: it.prunes + 1,
-                    meta: moved(it.meta),
-                    edges: moved(it.edges),
+                    notes,
                     ..it.clone()
                 }
             })
@@ -74,58 +85,65 @@ impl Plan {
         Self {
             stay,
             target,
-            edges,
+            listed,
         }
     }
 
     /// Where the row of this generation goes, `None` if nowhere.
     fn target_of(&self, table: &Table, generation: u64) -> Option<u64> {
-        let is_replaced = table.name == format::EDGE.name && !self.edges.contains(&generation);
-        (self.target.get(&generation).copied()).filter(|_| !is_replaced)
+        let is_listed = match table.holds {
+            Holds::Listed(column) => {
+                (self.listed.get(column)).is_some_and(|listed| listed.contains(&generation))
+            }
+            _ => true,
+        };
+        (self.target.get(&generation).copied()).filter(|_| is_listed)
     }
 }
 
-/// Drops the generations that neither are in `keep` nor needed, and gives the state that follows and
+/// Drops the generations that neither are in `keep` nor needed, and gives what `read` finds then and
 /// how many went; `None` if all of them stay. Inside of the caller's transaction.
-pub(super) fn prune(
+pub(crate) fn prune<T>(
     connection: &Connection,
+    kind: &'static Kind,
     keep: &BTreeSet<u64>,
-) -> Result<Option<(State, usize)>> {
-    let version = load::format_version(connection)?;
-    let read = || load::load(connection, None, None, &mut Faults::strict(), None);
-    let before = read()?.ok_or_else(|| load::no_generation(0))?;
-    let generations = load::read_generations(connection, version, None, &mut Faults::strict())?;
+    read: impl Fn(&Reader<'_>) -> Result<T>,
+    is_same: impl Fn(&T, &T) -> bool,
+) -> Result<Option<(T, usize)>> {
+    let reader = Reader::new(connection, kind)?;
+    let before = read(&reader)?;
+    let generations = reader.generations(None, &mut Faults::strict(kind))?;
     if let Some(missing) =
         (keep.iter()).find(|&&it| generations.iter().all(|generation| generation.number != it))
     {
-        return Err(load::no_generation(*missing));
+        return Err(kind.no_generation(*missing));
     }
-    let plan = Plan::new(&generations, keep);
+    let plan = Plan::new(kind, &generations, keep);
     let num_dropped = generations.len() - plan.stay.len();
     if num_dropped == 0 {
         return Ok(None);
     }
-    if version < format::VERSION {
-        migrate(connection, version)?;
-    }
-    rewrite(connection, &plan).map_err(|error| sqlite_error(&error))?;
-    let after = read()?.ok_or_else(|| load::no_generation(0))?;
-    if after.snapshot != before.snapshot {
+    Writer::new(connection, kind).migrate()?;
+    rewrite(connection, kind, &plan).map_err(|error| kind.sqlite_error(&error))?;
+    let after = read(&Reader::new(connection, kind)?)?;
+    if !is_same(&before, &after) {
         return Err(Error::new(
             ErrorKind::Format,
             "pruning would change the newest generation, so nothing was changed",
         )
-        .with_help("please report this with the map"));
+        .with_help(format!("please report this with the {}", kind.noun)));
     }
     Ok(Some((after, num_dropped)))
 }
 
-fn rewrite(connection: &Connection, plan: &Plan) -> rusqlite::Result<()> {
-    connection.execute("DELETE FROM generation", [])?;
+fn rewrite(connection: &Connection, kind: &Kind, plan: &Plan) -> rusqlite::Result<()> {
+    let tables = kind.tables_now();
+    let generations = tables[0];
+    connection.execute(&format!("DELETE FROM {}", generations.name), [])?;
     for generation in &plan.stay {
-        insert_generation(connection, generation)?;
+        insert(connection, generations, &generation.values(generations))?;
     }
-    for table in &format::TABLES[1..] {
+    for table in &tables[1..] {
         rewrite_table(connection, table, plan)?;
     }
     Ok(())
@@ -138,14 +156,13 @@ fn rewrite_table(
     plan: &Plan,
 ) -> rusqlite::Result<()> {
     let id_column = table.columns[0];
-    // The number of the generation is the row id in table `meta`, else the second column.
-    let at = usize::from(id_column != "generation");
+    // The number of the generation is the row id in some tables, else the second column.
+    let at = table.position("generation").unwrap_or_default();
     // Of these the newest row with the same key holds, so older ones may go.
-    let key = match table.name {
-        "meta" => Some("0"),
-        "pose" => Some("place"),
-        "attachment" => Some("name"),
-        _ => None,
+    let key = match table.holds {
+        Holds::Newest => Some("0"),
+        Holds::NewestOf(column) => Some(column),
+        Holds::All | Holds::Listed(_) => None,
     };
     let sql = format!(
         "SELECT {id_column}, generation, {} FROM {} ORDER BY {id_column} DESC",

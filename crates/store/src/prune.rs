@@ -139,12 +139,80 @@ pub(crate) fn prune<T>(
 fn rewrite(connection: &Connection, kind: &Kind, plan: &Plan) -> rusqlite::Result<()> {
     let tables = kind.tables_now();
     let generations = tables[0];
+    let outdated = Outdated::find(connection, plan, tables)?;
     connection.execute(&format!("DELETE FROM {}", generations.name), [])?;
     for generation in &plan.stay {
         insert(connection, generations, &generation.values(generations))?;
     }
     for table in &tables[1..] {
-        rewrite_table(connection, table, plan)?;
+        rewrite_table(connection, table, plan, &outdated)?;
+    }
+    Ok(())
+}
+
+/// Rows that no generation that stays needs, because something was begun anew since ([`Holds::Since`]):
+/// their ids, by table.
+struct Outdated(BTreeMap<&'static str, HashSet<i64>>);
+
+impl Outdated {
+    /// Reads the numbers of generations as they were before anything is rewritten.
+    fn find(
+        connection: &Connection,
+        plan: &Plan,
+        tables: &[&'static Table],
+    ) -> rusqlite::Result<Self> {
+        let mut all = BTreeMap::new();
+        for table in tables {
+            let Holds::Since(beginnings, column) = table.holds else {
+                continue;
+            };
+            let of = |table: &Table| {
+                let id_column = table.columns[0];
+                format!(
+                    "SELECT {id_column}, generation, {column} FROM {}",
+                    table.name
+                )
+            };
+            // By value and by the generation that the row goes to: the last that begins anew.
+            let mut begun: BTreeMap<(i64, u64), u64> = BTreeMap::new();
+            for_each_row(connection, &of(beginnings), |_, generation, value| {
+                if let Some(&target) = plan.target.get(&generation) {
+                    let last = begun.entry((value, target)).or_default();
+                    *last = generation.max(*last);
+                }
+            })?;
+            let mut ids = HashSet::new();
+            for_each_row(connection, &of(table), |id, generation, value| {
+                let begun =
+                    (plan.target.get(&generation)).and_then(|&target| begun.get(&(value, target)));
+                if begun.is_some_and(|&begun| generation < begun) {
+                    ids.insert(id);
+                }
+            })?;
+            all.insert(table.name, ids);
+        }
+        Ok(Self(all))
+    }
+
+    fn contains(&self, table: &Table, id: i64) -> bool {
+        let of = match table.holds {
+            Holds::With(other) => other,
+            _ => table,
+        };
+        self.0.get(of.name).is_some_and(|ids| ids.contains(&id))
+    }
+}
+
+/// Hands id, generation and a value of every row to `each`.
+fn for_each_row(
+    connection: &Connection,
+    sql: &str,
+    mut each: impl FnMut(i64, u64, i64),
+) -> rusqlite::Result<()> {
+    let mut statement = connection.prepare(sql)?;
+    let mut rows = statement.query([])?;
+    while let Some(row) = rows.next()? {
+        each(row.get(0)?, row.get::<_, i64>(1)? as u64, row.get(2)?);
     }
     Ok(())
 }
@@ -154,6 +222,7 @@ fn rewrite_table(
     connection: &Connection,
     table: &'static Table,
     plan: &Plan,
+    outdated: &Outdated,
 ) -> rusqlite::Result<()> {
     let id_column = table.columns[0];
     // The number of the generation is the row id in some tables, else the second column.
@@ -162,7 +231,7 @@ fn rewrite_table(
     let key = match table.holds {
         Holds::Newest => Some("0"),
         Holds::NewestOf(column) => Some(column),
-        Holds::All | Holds::Listed(_) => None,
+        Holds::All | Holds::Listed(_) | Holds::Since(..) | Holds::With(_) => None,
     };
     let sql = format!(
         "SELECT {id_column}, generation, {} FROM {} ORDER BY {id_column} DESC",
@@ -187,8 +256,9 @@ fn rewrite_table(
     let mut holding = HashSet::new();
     for (id, generation, value) in rows {
         let target = plan.target_of(table, generation);
-        let is_replaced = key.is_some()
-            && target.is_some_and(|target| !holding.insert((target, format!("{value:?}"))));
+        let is_replaced = outdated.contains(table, id)
+            || key.is_some()
+                && target.is_some_and(|target| !holding.insert((target, format!("{value:?}"))));
         if target == Some(generation) && !is_replaced {
             continue;
         }

@@ -35,6 +35,11 @@ pub enum Holds {
     NewestOf(&'static str),
     /// Those of the generation that stands in this column of the table of generations.
     Listed(&'static str),
+    /// Those that are not of an older generation than the newest row of another table with the same
+    /// value in this column: such a row begins them anew.
+    Since(&'static Table, &'static str),
+    /// Those whose row in another table, with the same id, holds.
+    With(&'static Table),
 }
 
 impl Table {

@@ -98,6 +98,21 @@ fn tiny(path: &Path) -> Map {
     map
 }
 
+/// Two generations more: a place that forgets a visit and a feature is written anew, then visited again.
+fn renewed(path: &Path) -> Map {
+    let map = tiny(path);
+    let mut snapshot = Snapshot::clone(&map.snapshot());
+    let node = &snapshot.nodes[0];
+    let (forgetful, _) = node
+        .retained(&[false, true], &vec![true; node.features.len()])
+        .expect("in step");
+    snapshot.nodes[0] = Arc::new(forgetful);
+    (map.replace_at(&snapshot, Time::from_s(30))).expect("stored");
+    visit_once(&mut snapshot, "lamp", 5);
+    map.commit_at(&snapshot, Time::from_s(40)).expect("extends");
+    map
+}
+
 fn attach(snapshot: &mut Snapshot, name: &str, value: &[u8]) {
     snapshot.attachments.insert(name.into(), value.into());
 }
@@ -146,7 +161,7 @@ fn commit_is_safe(path: &Path, damaged: &[u8], expected: &Snapshot, what: &str) 
 fn every_flipped_byte_is_noticed_or_harmless() {
     let folder = in_memory();
     let path = folder.path().join("whole.map");
-    let expected = tiny(&path).snapshot();
+    let expected = renewed(&path).snapshot();
     let whole = fs::read(&path).expect("there");
     let path = folder.path().join("damaged.map");
     let mut num_refused = 0;
@@ -175,7 +190,7 @@ fn every_flipped_byte_is_noticed_or_harmless() {
 fn every_truncation_and_every_lost_or_swapped_page_is_noticed() {
     let folder = in_memory();
     let path = folder.path().join("whole.map");
-    let expected = tiny(&path).snapshot();
+    let expected = renewed(&path).snapshot();
     let whole = fs::read(&path).expect("there");
     let path = folder.path().join("damaged.map");
     for len in (0..whole.len()).step_by(61).chain([1, 99, 100, 511, 512]) {
@@ -278,7 +293,7 @@ const BY_HAND: &[(&str, &str)] = &[
     ("ALTER TABLE pose ADD COLUMN w REAL", "table pose"),
     (
         "CREATE TRIGGER t AFTER INSERT ON visit BEGIN DELETE FROM place; END",
-        "`t` is no part of format 2",
+        "`t` is no part of format 3",
     ),
 ];
 
@@ -305,6 +320,66 @@ fn rows_changed_by_hand_are_named() {
         }
         let error = Map::open(&path).expect_err(sql).to_string();
         assert!(error.contains(expected), "{sql}: {error}");
+        let report = Map::verify(&path).expect("a map");
+        let first = report.faults.first().expect(sql).to_string();
+        assert!(first.contains(expected), "{sql}: {first}");
+    }
+}
+
+/// The rows of a place that was written anew since are checked, too, if only by `verify`.
+#[test]
+fn what_a_renewal_leaves_behind_is_checked() {
+    let folder = in_memory();
+    let whole = folder.path().join("whole.map");
+    drop(renewed(&whole));
+    let path = folder.path().join("changed.map");
+    for (sql, opens, expected) in [
+        (
+            "DELETE FROM renewal",
+            false,
+            "visit 2 of place 1 is missing",
+        ),
+        (
+            "UPDATE renewal SET place = 2",
+            false,
+            "table renewal, row 1, column place, byte 0: ",
+        ),
+        (
+            "UPDATE renewal SET generation = 9",
+            false,
+            "table renewal, row 1",
+        ),
+        (
+            "UPDATE visit SET time_us = time_us + 1 WHERE id = 1",
+            false,
+            "table visit, row 1",
+        ),
+        (
+            "DELETE FROM feature WHERE visit = 1",
+            true,
+            "table visit, row 1",
+        ),
+        (
+            "DELETE FROM appearance WHERE visit = 2; \
+             DELETE FROM feature WHERE visit IN (1, 2); DELETE FROM visit WHERE id IN (1, 2)",
+            false,
+            "visit 0 of place 2 is missing",
+        ),
+        (
+            "DROP TABLE renewal",
+            false,
+            "table renewal: the table is missing",
+        ),
+    ] {
+        fs::copy(&whole, &path).expect("writable");
+        let connection = Connection::open(&path).expect("sound");
+        connection.execute_batch(sql).expect(sql);
+        drop(connection);
+        let opened = Map::open(&path).map_err(|error| error.to_string());
+        assert_eq!(opened.is_ok(), opens, "{sql}: {opened:?}");
+        if let Err(error) = opened {
+            assert!(error.contains(expected), "{sql}: {error}");
+        }
         let report = Map::verify(&path).expect("a map");
         let first = report.faults.first().expect(sql).to_string();
         assert!(first.contains(expected), "{sql}: {first}");

@@ -90,7 +90,8 @@ pub(super) fn load(
     };
     reading.read_places(&mut state)?;
     reading.read_poses(&mut state)?;
-    reading.read_visits(&mut state)?;
+    let renewals = reading.read_renewals(&mut state)?;
+    reading.read_visits(&mut state, &renewals)?;
     reading.read_edges(&mut state, &last)?;
     if reader.version() > 1 {
         reading.read_attachments(&mut state)?;
@@ -269,8 +270,35 @@ impl Reading<'_> {
         Ok(all)
     }
 
-    fn read_visits(&mut self, state: &mut State) -> Result<()> {
+    /// The generations of the line that write a place anew, with its position; ascending.
+    fn read_renewals(&mut self, state: &mut State) -> Result<Vec<(u64, usize)>> {
+        let mut renewals = Vec::new();
+        if self.reader.version() < 3 {
+            return Ok(renewals);
+        }
+        let after = state.last_renewal;
+        self.scan(&tables::RENEWAL, after, |row, is_of_line, faults, trail| {
+            row.integer(2)?;
+            state.last_renewal = row.id();
+            if !faults.is_clean() || !is_of_line {
+                return Ok(());
+            }
+            let renewal = (row.count(1)? as u64, state.place_at(row, 2)?);
+            renewals.push(renewal);
+            if let Some(trail) = trail {
+                trail.renewals.push(renewal);
+            }
+            Ok(())
+        })?;
+        Ok(renewals)
+    }
+
+    fn read_visits(&mut self, state: &mut State, renewals: &[(u64, usize)]) -> Result<()> {
         let after = state.last_visit;
+        // The last renewal of each place: what is older matters only to those who follow the trail.
+        let newest: BTreeMap<usize, u64> =
+            renewals.iter().map(|&(number, at)| (at, number)).collect();
+        let mut pending = renewals.iter().peekable();
         let mut born = self.read_features(&tables::FEATURE, after)?;
         let mut appearances = self.read_features(&tables::APPEARANCE, after)?;
         self.scan(&tables::VISIT, after, |row, is_of_line, faults, trail| {
@@ -305,6 +333,14 @@ impl Reading<'_> {
                 return Ok(());
             }
             let at = state.place_at(row, 2)?;
+            let generation = row.count(1)? as u64;
+            while let Some(&(_, at)) = pending.next_if(|&&(number, _)| number <= generation) {
+                state.renew(at);
+            }
+            let is_outdated = newest.get(&at).is_some_and(|&newest| generation < newest);
+            if is_outdated && trail.is_none() {
+                return Ok(());
+            }
             let node = &mut state.snapshot.nodes[at];
             let expected = node.visits.len();
             if number != expected {
@@ -326,10 +362,13 @@ impl Reading<'_> {
             if let Some(trail) = trail {
                 trail
                     .links
-                    .push((row.count(1)? as u64, at, state.chains[at], born.len()));
+                    .push((generation, at, state.chains[at], born.len()));
             }
             Ok(())
         })?;
+        for &(_, at) in pending {
+            state.renew(at);
+        }
         for (table, left) in [
             (&tables::FEATURE, born.keys().next()),
             (&tables::APPEARANCE, appearances.keys().next()),

@@ -6,13 +6,14 @@
 //! Not for queries: [`Map::snapshot`] is in memory and immutable.
 
 use std::collections::BTreeSet;
+use std::mem;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 use std::time::SystemTime;
 
 use chronotope_store::{Access, Faults, Reader, Store};
 
-use super::change::{Change, insert_meta};
+use super::change::{Change, Rewritten, insert_meta};
 use super::generation::Generation;
 use super::load;
 use super::state::State;
@@ -177,14 +178,25 @@ impl Map {
     fn commit_inner(&self, snapshot: &Snapshot, time: Time) -> Result<u64> {
         let mut stored = self.stored();
         let Stored { store, state } = &mut *stored;
-        let change = Change::between(state, snapshot)?;
+        let change = Change::between(state, snapshot, Rewritten::Refused)?;
+        self.append(store, state, snapshot, &change, time)
+    }
+
+    /// Commits on top of the newest generation.
+    fn append(
+        &self,
+        store: &mut Store,
+        state: &mut State,
+        snapshot: &Snapshot,
+        change: &Change,
+        time: Time,
+    ) -> Result<u64> {
         if change.is_nothing() {
             return Ok(state.snapshot.generation);
         }
         let mut next = change.apply(state, snapshot, state.snapshot.generation + 1);
-        self.write(store, state, state, &change, &next, time)?;
-        let new_ids = std::mem::replace(&mut next.visit_ids, std::mem::take(&mut state.visit_ids));
-        next.visit_ids.extend(new_ids);
+        self.write(store, state, state, change, &next, time)?;
+        next.visit_ids = change.visit_ids(mem::take(&mut state.visit_ids), next.visit_ids);
         *state = next;
         Ok(state.snapshot.generation)
     }
@@ -211,9 +223,11 @@ impl Map {
     /// Makes `snapshot` the stored state, whether or not it extends the one before, and gives its
     /// generation number.
     ///
-    /// What extends the stored state is committed; anything else is written as a whole, so the file
-    /// grows by all of it until it is pruned. UUID and extractor must stay. As with
-    /// [`rollback`](Self::rollback) nothing is lost.
+    /// Places that extend what is stored of them are committed as usual; those that do not (a budget made
+    /// the learner forget, say) are written anew, each for itself. So the cost follows from the places that
+    /// have changed, and the file grows by them until it is pruned. Only if places are gone, renamed or in
+    /// another order, or image size or crop is another, all of the map is written. UUID and extractor
+    /// must stay. As with [`rollback`](Self::rollback) nothing is lost.
     pub fn replace(&self, snapshot: &Snapshot) -> Result<u64> {
         self.replace_at(snapshot, now())
     }
@@ -222,9 +236,9 @@ impl Map {
     pub fn replace_at(&self, snapshot: &Snapshot, time: Time) -> Result<u64> {
         let mut stored = self.stored();
         let Stored { store, state } = &mut *stored;
-        if Change::between(state, snapshot).is_ok() {
-            drop(stored);
-            return self.commit_at(snapshot, time);
+        if let Ok(change) = Change::between(state, snapshot, Rewritten::Renewed) {
+            let appended = self.append(store, state, snapshot, &change, time);
+            return appended.map_err(|error| error.with_path(&self.path));
         }
         let empty = state_at(store, 0)?;
         self.branch(store, state, empty, Some(snapshot), time)
@@ -276,10 +290,10 @@ impl Map {
         let mut commit = || {
             let same = Arc::new(past.snapshot.clone());
             let snapshot = next.unwrap_or(&same);
-            let change = Change::between(&past, snapshot)?;
+            let change = Change::between(&past, snapshot, Rewritten::Refused)?;
             let mut after = change.apply(&past, snapshot, state.snapshot.generation + 1);
             self.write(store, state, &past, &change, &after, time)?;
-            after.visit_ids.extend(std::mem::take(&mut past.visit_ids));
+            after.visit_ids = change.visit_ids(mem::take(&mut past.visit_ids), after.visit_ids);
             *state = after;
             Ok(state.snapshot.generation)
         };

@@ -1,11 +1,13 @@
 //! What is known of a map file that was read?
 
 use std::collections::{BTreeMap, HashSet};
+use std::sync::Arc;
 
 use chronotope_store::{Fault, Row, Tip};
 
 use super::generation::Generation;
 use crate::map::digest::{self, ContentDigest};
+use crate::map::node::Node;
 use crate::map::snapshot::Snapshot;
 use crate::map::types::{MapMeta, VisitId};
 use fremen::error::ErrorKind;
@@ -28,6 +30,7 @@ pub(super) struct State {
     pub(super) last_pose: i64,
     pub(super) last_edge: i64,
     pub(super) last_attachment: i64,
+    pub(super) last_renewal: i64,
     pub(super) meta_generation: u64,
     pub(super) edge_generation: u64,
 }
@@ -48,6 +51,7 @@ impl State {
             last_pose: 0,
             last_edge: 0,
             last_attachment: 0,
+            last_renewal: 0,
             meta_generation: 0,
             edge_generation: 0,
         }
@@ -76,6 +80,18 @@ impl State {
             meta: self.meta_generation,
             edges: self.edge_generation,
         }
+    }
+
+    /// Takes all visits from a place: what is written anew follows.
+    pub(super) fn renew(&mut self, at: usize) {
+        let node = &mut self.snapshot.nodes[at];
+        for visit in &node.visits {
+            self.visit_ids.remove(&visit.id);
+        }
+        let mut empty = Node::new(node.key.clone());
+        empty.pose = node.pose;
+        self.chains[at] = digest::first_link(&empty);
+        *node = Arc::new(empty);
     }
 
     /// The position of the place whose row stands in `column`.

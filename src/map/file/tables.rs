@@ -19,7 +19,7 @@ pub(super) static MAP: Kind = Kind {
     noun: "map",
     // `Chro` in ASCII, big-endian as SQLite stores it.
     application_id: 0x4368_726f,
-    version: 2,
+    version: 3,
     tables: tables_of,
     references: &["meta", "edges"],
     program: "chronotope",
@@ -158,32 +158,32 @@ pub(super) const VISIT: Table = Table {
         ("hidden", MAX_BITS_BYTES),
         ("located_by", MAX_BITS_BYTES),
     ],
-    holds: Holds::All,
+    holds: Holds::Since(&RENEWAL, "place"),
 };
 
-pub(super) const FEATURE: Table = Table {
-    name: "feature",
-    create: "CREATE TABLE feature (visit INTEGER PRIMARY KEY, generation INTEGER NOT NULL, \
-             keypoints BLOB NOT NULL, descriptors BLOB NOT NULL, crc INTEGER NOT NULL) STRICT",
-    columns: &["visit", "generation", "keypoints", "descriptors"],
-    limits: &[
-        ("keypoints", MAX_KEYPOINTS_BYTES),
-        ("descriptors", MAX_DESCRIPTORS_BYTES),
-    ],
-    holds: Holds::All,
-};
+/// A table of features by the visit that they belong to.
+macro_rules! features_of_visits {
+    ($name:literal) => {
+        Table {
+            name: $name,
+            create: concat!(
+                "CREATE TABLE ",
+                $name,
+                " (visit INTEGER PRIMARY KEY, generation INTEGER NOT NULL, \
+                 keypoints BLOB NOT NULL, descriptors BLOB NOT NULL, crc INTEGER NOT NULL) STRICT"
+            ),
+            columns: &["visit", "generation", "keypoints", "descriptors"],
+            limits: &[
+                ("keypoints", MAX_KEYPOINTS_BYTES),
+                ("descriptors", MAX_DESCRIPTORS_BYTES),
+            ],
+            holds: Holds::With(&VISIT),
+        }
+    };
+}
 
-pub(super) const APPEARANCE: Table = Table {
-    name: "appearance",
-    create: "CREATE TABLE appearance (visit INTEGER PRIMARY KEY, generation INTEGER NOT NULL, \
-             keypoints BLOB NOT NULL, descriptors BLOB NOT NULL, crc INTEGER NOT NULL) STRICT",
-    columns: &["visit", "generation", "keypoints", "descriptors"],
-    limits: &[
-        ("keypoints", MAX_KEYPOINTS_BYTES),
-        ("descriptors", MAX_DESCRIPTORS_BYTES),
-    ],
-    holds: Holds::All,
-};
+pub(super) const FEATURE: Table = features_of_visits!("feature");
+pub(super) const APPEARANCE: Table = features_of_visits!("appearance");
 
 pub(super) const ATTACHMENT: Table = Table {
     name: "attachment",
@@ -197,20 +197,19 @@ pub(super) const ATTACHMENT: Table = Table {
     holds: Holds::NewestOf("name"),
 };
 
-/// Every table of format 1, in order of creation.
-pub(super) const TABLES_1: [&Table; 8] = [
-    &GENERATION_1,
-    &META,
-    &EDGE,
-    &PLACE,
-    &POSE,
-    &VISIT,
-    &FEATURE,
-    &APPEARANCE,
-];
+/// Places that are written anew: of a place in this table only visits of the same generation and later
+/// ones hold.
+pub(super) const RENEWAL: Table = Table {
+    name: "renewal",
+    create: "CREATE TABLE renewal (id INTEGER PRIMARY KEY, generation INTEGER NOT NULL, \
+             place INTEGER NOT NULL, crc INTEGER NOT NULL) STRICT",
+    columns: &["id", "generation", "place"],
+    limits: &[],
+    holds: Holds::NewestOf("place"),
+};
 
 /// Every table of today's format, in order of creation.
-pub(super) const TABLES: [&Table; 9] = [
+static TABLES: [&Table; 10] = [
     &GENERATION,
     &META,
     &EDGE,
@@ -220,12 +219,30 @@ pub(super) const TABLES: [&Table; 9] = [
     &FEATURE,
     &APPEARANCE,
     &ATTACHMENT,
+    &RENEWAL,
 ];
+
+/// Every table of format 1.
+static TABLES_1: [&Table; 8] = {
+    let [_, meta, edge, place, pose, visit, feature, appearance, ..] = TABLES;
+    [
+        &GENERATION_1,
+        meta,
+        edge,
+        place,
+        pose,
+        visit,
+        feature,
+        appearance,
+    ]
+};
 
 /// Every table of a format that this code reads.
 fn tables_of(version: u32) -> &'static [&'static Table] {
     match version {
         1 => &TABLES_1,
+        // Without `renewal`.
+        2 => &TABLES[..TABLES.len() - 1],
         _ => &TABLES,
     }
 }

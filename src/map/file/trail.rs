@@ -17,6 +17,8 @@ pub(super) struct Trail {
     pub(super) metas: Vec<(u64, MapMeta)>,
     pub(super) edges: Vec<(u64, Edge)>,
     pub(super) places: Vec<u64>,
+    /// Generation and place that it writes anew.
+    pub(super) renewals: Vec<(u64, usize)>,
     pub(super) poses: Vec<(u64, usize, Option<[f64; 3]>)>,
     /// Generation, place, chain after the visit, features born at it.
     pub(super) links: Vec<(u64, usize, ContentDigest, usize)>,
@@ -32,7 +34,9 @@ pub(super) fn check_trail(trail: &Trail, whole: &Snapshot) -> Result<(), Fault> 
         return Ok(());
     };
     let mut replay = State::empty(meta.clone());
-    let (mut num_visits, mut num_features) = (0, 0);
+    // Visits and features of each place.
+    let mut totals: Vec<(usize, usize)> = Vec::new();
+    let mut renewals = trail.renewals.iter().peekable();
     let mut poses = trail.poses.iter().peekable();
     let mut links = trail.links.iter().peekable();
     let mut attachments = trail.attachments.iter().peekable();
@@ -57,6 +61,7 @@ pub(super) fn check_trail(trail: &Trail, whole: &Snapshot) -> Result<(), Fault> 
             let node = Node::new(node.key.clone());
             replay.chains.push(digest::first_link(&node));
             replay.snapshot.nodes.push(Arc::new(node));
+            totals.push((0, 0));
         }
         while let Some((_, place, pose)) = poses.next_if(|pose| pose.0 <= number) {
             if let Some(node) = replay.snapshot.nodes.get_mut(*place) {
@@ -69,16 +74,21 @@ pub(super) fn check_trail(trail: &Trail, whole: &Snapshot) -> Result<(), Fault> 
                 None => drop(replay.attachments.remove(name)),
             }
         }
-        while let Some((_, place, link, born)) = links.next_if(|link| link.0 <= number) {
-            if let Some(chain) = replay.chains.get_mut(*place) {
-                *chain = *link;
+        while let Some(&(_, place)) = renewals.next_if(|renewal| renewal.0 <= number) {
+            if let Some(total) = totals.get_mut(place) {
+                *total = (0, 0);
+                replay.renew(place);
             }
-            num_visits += 1;
-            num_features += born;
+        }
+        while let Some((_, place, link, born)) = links.next_if(|link| link.0 <= number) {
+            if let Some(total) = totals.get_mut(*place) {
+                *total = (total.0 + 1, total.1 + born);
+                replay.chains[*place] = *link;
+            }
         }
         written.compare(&Generation {
-            num_visits,
-            num_features,
+            num_visits: totals.iter().map(|total| total.0).sum(),
+            num_features: totals.iter().map(|total| total.1).sum(),
             ..replay.totals(written.time)
         })?;
     }

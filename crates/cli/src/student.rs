@@ -23,9 +23,16 @@ const COMMIT_INTERVAL: Duration = Duration::from_secs(1);
 /// After a commit, so many times as long as it took passes before the next.
 const REST_PER_COMMIT: u32 = 9;
 
-/// A map within a budget has at most so many generations; then all but the last few go, which writes the file anew.
+/// A map within a budget is pruned to its last few generations where it has more than the first number of
+/// them and its file is more than so many times as large as what it holds.
 const MOST_GENERATIONS: usize = 8;
+const MOST_TIMES_ITS_BYTES: usize = 2;
 const KEPT_GENERATIONS: usize = 4;
+
+/// Bytes of a visit's row in the file beside its features and bits, about.
+const BYTES_PER_VISIT: usize = 200;
+/// A file so small is never pruned.
+const SMALL_BYTES: usize = 1 << 18;
 
 pub(super) struct Student {
     map: Map,
@@ -160,18 +167,28 @@ pub(super) fn now() -> Option<Time> {
 
 /// Commits what was learnt, and gives the generation.
 ///
-/// Where a budget made the learner forget, the map is written anew; then all generations but the last few
-/// go, or the file would grow though the map does not.
+/// Where a budget made the learner forget, the places that did are written anew, and what they were stays
+/// in the file; so it is pruned from time to time, or it would grow though the map does not.
 pub(super) fn store(map: &Map, learner: &mut Learner) -> Result<u64> {
     let snapshot = learner.snapshot()?;
     let generation = map.replace(&snapshot)?;
-    if learner.cfg().budget().is_bounded() {
+    if learner.cfg().budget().is_bounded() && is_bloated(map, &snapshot)? {
         let generations = map.generations()?;
-        let is_anew = (generations.last()).is_some_and(|it| it.parent == Some(0) && it.number > 1);
-        if is_anew && generations.len() > MOST_GENERATIONS {
+        if generations.len() > MOST_GENERATIONS {
             let newest = generations.iter().rev().take(KEPT_GENERATIONS);
             map.prune(&newest.map(|it| it.number).collect())?;
         }
     }
     Ok(generation)
+}
+
+/// Whether a good part of the file is of the past. O(visits).
+fn is_bloated(map: &Map, snapshot: &Snapshot) -> Result<bool> {
+    let of_nodes = (snapshot.nodes.iter())
+        .map(|node| node.num_bytes() + BYTES_PER_VISIT * node.visits.len())
+        .sum::<usize>();
+    let of_attachments: usize = snapshot.attachments.values().map(|it| it.len()).sum();
+    let most = MOST_TIMES_ITS_BYTES * (of_nodes + of_attachments) + SMALL_BYTES;
+    let found = std::fs::metadata(map.path()).map_err(|cause| Error::io(map.path(), &cause))?;
+    Ok(found.len() > most as u64)
 }

@@ -1,8 +1,8 @@
 //! What makes two maps, runs or visits the same?
 //!
-//! Identities are 128 bits, so that maps of several robots can be merged without any agreement between them.
-//! Derived ones are the first 128 bits of a SHA-256 over a label and length-prefixed parts: the same
-//! input gives the same identity on every machine. Not for secrets.
+//! Identities are 128 bits, so that maps of several robots can be merged without any agreement
+//! between them. Derived ones are the first 128 bits of a SHA-256 over a label and length-prefixed
+//! parts: the same input gives the same identity on every machine. Not for secrets.
 
 use std::hash::{BuildHasher, RandomState};
 

@@ -1,7 +1,7 @@
 //! What is remembered of one place, and how does that grow without breaking its invariants?
 //!
-//! [`Node::push_visit`] keeps features, visits and logs of a place in step; [`Node::check`] says whether a
-//! store may hold it. What is worth adding is decided by `learn`.
+//! [`Node::push_visit`] keeps features, visits and logs of a place in step; [`Node::check`] says
+//! whether a store may hold it. What is worth adding is decided by `learn`.
 
 use std::ops::Range;
 
@@ -27,9 +27,10 @@ pub struct Node {
     pub log: HistoryLog,
     /// The visits, in order of arrival; `log.num_visits() == visits.len()` and times agree.
     pub visits: Vec<Visit>,
-    /// Which experience of the place would by itself have located which visit. Its "features" are the
-    /// visits with [`AppearanceUse::Experience`], in their order, each born at itself, whether or not
-    /// its appearance was kept; it has a row for every visit, and none of them has hidden bits.
+    /// Which experience of the place would by itself have located which visit. Its "features" are
+    /// the visits with [`AppearanceUse::Experience`], in their order, each born at itself, whether
+    /// or not its appearance was kept; it has a row for every visit, and none of them has hidden
+    /// bits.
     pub experience_log: HistoryLog,
     /// Position in metres in a frame of the user's, where known.
     pub pose: Option<[f64; 3]>,
@@ -101,8 +102,8 @@ impl Node {
         Ok(())
     }
 
-    /// The row for [`push_visit`](Self::push_visit) of a visit that no experience known before would
-    /// have located: only its own bit is one, if it is an experience itself.
+    /// The row for [`push_visit`](Self::push_visit) of a visit that no experience known before
+    /// would have located: only its own bit is one, if it is an experience itself.
     pub fn unlocated(&self, appearance_use: AppearanceUse) -> BitRow {
         let num_known = self.experience_log.num_features();
         let mut row = BitRow::zeros(self.num_experiences_after(appearance_use));
@@ -118,11 +119,11 @@ impl Node {
         self.experience_log.num_features() + usize::from(is_experience)
     }
 
-    /// The place with only these visits and features, in the same order of arrival: one bool each. Also which
-    /// feature of this place each of its features is.
+    /// The place with only these visits and features, in the same order of arrival: one bool each.
+    /// Also which feature of this place each of its features is.
     ///
-    /// A feature whose birth is gone is born at the first visit that is left and could have seen it; if there
-    /// is none, it goes too. O(visits * features).
+    /// A feature whose birth is gone is born at the first visit that is left and could have seen
+    /// it; if there is none, it goes too. O(visits * features).
     pub fn retained(&self, visits: &[bool], features: &[bool]) -> Result<(Self, Vec<u32>)> {
         let kept: Vec<usize> = (0..self.visits.len())
             .filter(|&visit| visits.get(visit) == Some(&true))

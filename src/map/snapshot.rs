@@ -22,8 +22,8 @@ pub struct Snapshot {
     pub nodes: Vec<Arc<Node>>,
     /// The ways between them.
     pub edges: Vec<Edge>,
-    /// What other rooms keep with the map, by a name in kebab case of at most 64 bytes: values of at
-    /// most 16 MiB that this room does not look into. An empty value is the same as none.
+    /// What other rooms keep with the map, by a name in kebab case of at most 64 bytes: values of
+    /// at most 16 MiB that this room does not look into. An empty value is the same as none.
     pub attachments: BTreeMap<String, Arc<[u8]>>,
 }
 
@@ -204,7 +204,8 @@ pub(super) fn check_attachment(name: &str, value: &[u8]) -> Result<()> {
         return Err(Error::new(
             ErrorKind::Shape,
             format!(
-                "the attachment `{name}` has {} bytes, where one holds at most {MAX_ATTACHMENT_BYTES}",
+                "the attachment `{name}` has {} bytes, where one holds at most \
+                 {MAX_ATTACHMENT_BYTES}",
                 value.len()
             ),
         ));

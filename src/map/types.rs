@@ -65,8 +65,8 @@ impl From<PlaceKey> for String {
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct SessionId(pub u128);
 
-/// What makes a visit the same visit in two maps: the first 128 bits of a SHA-256 over session, place
-/// key, capture time and the digest of its features.
+/// What makes a visit the same visit in two maps: the first 128 bits of a SHA-256 over session,
+/// place key, capture time and the digest of its features.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct VisitId(pub u128);
 

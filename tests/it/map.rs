@@ -482,8 +482,8 @@ fn push_visit_refuses_bits_for_other_experiences_and_changes_nothing() {
     assert!(node.check().is_ok());
 }
 
-/// The reference recipe writes its log when all images are known: every feature is in the row of the
-/// first visit, whether it was seen there or not.
+/// The reference recipe writes its log when all images are known: every feature is in the row of
+/// the first visit, whether it was seen there or not.
 #[test]
 fn a_map_whose_features_all_come_with_the_first_visit_is_kept() {
     let observe = |learner: &mut Learner, numbers: std::ops::Range<u64>| {
@@ -668,8 +668,8 @@ pub(crate) fn after_commits(start: &Snapshot, from: u64, to: u64) -> Snapshot {
     snapshot
 }
 
-/// Starts one test of this program again as another process, which finds `path` in `variable`; gives it and
-/// the lines that it prints.
+/// Starts one test of this program again as another process, which finds `path` in `variable`;
+/// gives it and the lines that it prints.
 pub(crate) fn start_again(
     test: &str,
     variable: &str,
@@ -1427,7 +1427,8 @@ fn golden_map_of_format_3_still_opens() {
     );
 }
 
-/// In format 2 a place that forgot was written with all of the map; from the first commit on it is alone.
+/// In format 2 a place that forgot was written with all of the map; from the first commit on it is
+/// alone.
 #[test]
 fn a_map_of_format_2_becomes_one_of_today_at_its_first_commit() {
     let (_folder, path) = folder();
@@ -1483,8 +1484,8 @@ fn write_golden(path: &Path) {
         .expect("stored");
 }
 
-/// For a new format, `CHRONOTOPE_WRITE_GOLDEN=1 cargo test --test it golden_map_is_written` writes into
-/// `maps/golden`, where it overwrites nothing; otherwise into a temporary folder.
+/// For a new format, `CHRONOTOPE_WRITE_GOLDEN=1 cargo test --test it golden_map_is_written` writes
+/// into `maps/golden`, where it overwrites nothing; otherwise into a temporary folder.
 #[test]
 fn golden_map_is_written() {
     if std::env::var_os("CHRONOTOPE_WRITE_GOLDEN").is_some() {

@@ -1,7 +1,8 @@
 //! Which generations has a file, and which of them lead to one of them?
 //!
-//! Generations are a tree: each but 0 extends one with a smaller number, its parent, and its content is
-//! that of its parent and the rows that it came with. The generation with the highest number holds.
+//! Generations are a tree: each but 0 extends one with a smaller number, its parent, and its
+//! content is that of its parent and the rows that it came with. The generation with the highest
+//! number holds.
 
 use std::collections::BTreeSet;
 
@@ -42,8 +43,8 @@ pub(crate) fn note_columns(table: &Table) -> impl Iterator<Item = &'static str> 
 }
 
 impl Generation {
-    /// Whether the rows give what was written down at the commit: the digest, and those notes that are
-    /// given here by their columns.
+    /// Whether the rows give what was written down at the commit: the digest, and those notes that
+    /// are given here by their columns.
     pub fn compare(
         &self,
         kind: &Kind,
@@ -182,7 +183,8 @@ impl Tip {
     }
 }
 
-/// Which rows belong to the generation that is read: those of its line, from the oldest ancestor on.
+/// Which rows belong to the generation that is read: those of its line, from the oldest ancestor
+/// on.
 #[derive(Debug)]
 pub struct Lineage {
     /// Every new generation of the file.
@@ -192,8 +194,8 @@ pub struct Lineage {
 }
 
 impl Lineage {
-    /// The new generations that lead to `at` (the newest where not given), ascending; `None` if they
-    /// do not start from `known`.
+    /// The new generations that lead to `at` (the newest where not given), ascending; `None` if
+    /// they do not start from `known`.
     pub fn trace(
         generations: &[Generation],
         known: Option<u64>,

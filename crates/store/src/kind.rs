@@ -12,7 +12,8 @@ pub struct Kind {
     pub noun: &'static str,
     /// `SQLite`'s `application_id` of such files.
     pub application_id: u32,
-    /// The version that is written (`SQLite`'s `user_version`); all before it, from 1, are read, too.
+    /// The version that is written (`SQLite`'s `user_version`); all before it, from 1, are read,
+    /// too.
     pub version: u32,
     /// Every table of a version, in order of creation; the first is that of the generations.
     pub tables: fn(u32) -> &'static [&'static Table],

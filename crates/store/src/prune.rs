@@ -1,9 +1,9 @@
 //! How does a file forget generations that nobody will return to?
 //!
 //! The content of a generation is made of its ancestors' rows, so a row is dropped only if no
-//! generation that stays needs it. Of the others, a generation without a branch is merged into the one
-//! after it: its rows change their number, and what no longer holds ([`Holds`]) goes. Generations that
-//! stay keep their number, content and digest.
+//! generation that stays needs it. Of the others, a generation without a branch is merged into the
+//! one after it: its rows change their number, and what no longer holds ([`Holds`]) goes.
+//! Generations that stay keep their number, content and digest.
 //!
 //! Everything happens in one transaction, between two readings of the whole file: damage is never
 //! given a new checksum.
@@ -101,8 +101,8 @@ impl Plan {
     }
 }
 
-/// Drops the generations that neither are in `keep` nor needed, and gives what `read` finds then and
-/// how many went; `None` if all of them stay. Inside of the caller's transaction.
+/// Drops the generations that neither are in `keep` nor needed, and gives what `read` finds then
+/// and how many went; `None` if all of them stay. Inside of the caller's transaction.
 pub(crate) fn prune<T>(
     connection: &Connection,
     kind: &'static Kind,
@@ -150,8 +150,8 @@ fn rewrite(connection: &Connection, kind: &Kind, plan: &Plan) -> rusqlite::Resul
     Ok(())
 }
 
-/// Rows that no generation that stays needs, because something was begun anew since ([`Holds::Since`]):
-/// their ids, by table.
+/// Rows that no generation that stays needs, because something was begun anew since
+/// ([`Holds::Since`]): their ids, by table.
 struct Outdated(BTreeMap<&'static str, HashSet<i64>>);
 
 impl Outdated {

@@ -212,8 +212,8 @@ fn scan_rows(
     Ok(Ok(()))
 }
 
-/// The first value that is larger than its column allows. Sizes are in the head of a row: nothing too
-/// large is ever loaded.
+/// The first value that is larger than its column allows. Sizes are in the head of a row: nothing
+/// too large is ever loaded.
 fn too_large(
     connection: &Connection,
     table: &'static Table,

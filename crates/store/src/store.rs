@@ -1,10 +1,10 @@
 //! How is something kept in a file, whatever happens to the machine?
 //!
-//! A [`Store`] is an `SQLite` file with a rollback journal: one file once no commit is running, opened
-//! read-only without writing anything beside it. A commit is one transaction with full
-//! synchronisation, and appends: its cost follows from what is new, not from what is stored. What an
-//! interrupted commit left behind is undone when the file is next opened to be written. One process
-//! writes at a time, any number read; nobody holds a lock between calls.
+//! A [`Store`] is an `SQLite` file with a rollback journal: one file once no commit is running,
+//! opened read-only without writing anything beside it. A commit is one transaction with full
+//! synchronisation, and appends: its cost follows from what is new, not from what is stored. What
+//! an interrupted commit left behind is undone when the file is next opened to be written. One
+//! process writes at a time, any number read; nobody holds a lock between calls.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -156,8 +156,8 @@ impl Store {
         glance().map_err(|error| error.with_path(path))
     }
 
-    /// Checks a file and changes nothing: `SQLite`'s pages, the declaration of the tables, then what
-    /// `read` checks of the rows; gives what that found and the faults, at most `limit`.
+    /// Checks a file and changes nothing: `SQLite`'s pages, the declaration of the tables, then
+    /// what `read` checks of the rows; gives what that found and the faults, at most `limit`.
     ///
     /// An error says that the file is not of this kind at all or cannot be read.
     pub fn verify<T>(
@@ -237,9 +237,9 @@ impl Store {
         commit().map_err(|error| error.with_path(&self.path))
     }
 
-    /// Forgets all generations but 0, the newest, those in `keep` and those where their lines part, if
-    /// the file still stands at `tip`. Gives what `read` finds then, which must be the same as before
-    /// by `is_same`, and how many went; `None` if all of them stay.
+    /// Forgets all generations but 0, the newest, those in `keep` and those where their lines part,
+    /// if the file still stands at `tip`. Gives what `read` finds then, which must be the same as
+    /// before by `is_same`, and how many went; `None` if all of them stay.
     pub fn prune<T>(
         &mut self,
         tip: Tip,

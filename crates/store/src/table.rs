@@ -24,7 +24,8 @@ pub struct Table {
     pub holds: Holds,
 }
 
-/// Which of the rows that a line of generations has written hold at its end. Pruning drops the others.
+/// Which of the rows that a line of generations has written hold at its end. Pruning drops the
+/// others.
 #[derive(Debug)]
 pub enum Holds {
     /// All of them.

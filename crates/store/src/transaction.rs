@@ -49,8 +49,8 @@ impl<'a> Reader<'a> {
         read_generations(self.connection, self.kind, self.version, known, faults)
     }
 
-    /// Hands every sound row of `table` with an id above `after` to `each`, in order of id, with the
-    /// faults so far.
+    /// Hands every sound row of `table` with an id above `after` to `each`, in order of id, with
+    /// the faults so far.
     pub fn scan(
         &self,
         table: &'static Table,
@@ -61,8 +61,8 @@ impl<'a> Reader<'a> {
         scan(self.connection, self.kind, table, after, faults, each)
     }
 
-    /// Whether the tables are those of the file's version and nothing else is there that could act on
-    /// them.
+    /// Whether the tables are those of the file's version and nothing else is there that could act
+    /// on them.
     pub(crate) fn check_schema(&self, faults: &mut Faults) -> Result<()> {
         let version = self.version;
         let tables = (self.kind.tables)(version);
@@ -161,9 +161,9 @@ impl<'a> Writer<'a> {
             .try_for_each(|table| self.connection.execute(table.create, []).map(drop))
     }
 
-    /// Makes a file of an older version one of today's: the table of generations is written anew where
-    /// it is another, and tables that are new are made. (A version that changes another table has to
-    /// bring its own steps.)
+    /// Makes a file of an older version one of today's: the table of generations is written anew
+    /// where it is another, and tables that are new are made. (A version that changes another table
+    /// has to bring its own steps.)
     pub(crate) fn migrate(&self) -> Result<()> {
         let kind = self.kind;
         let version = Reader::new(self.connection, kind)?.version();

@@ -1,6 +1,7 @@
 //! What does a map of the authors' benchmark say?
 //!
-//! The reference benchmark keeps each place in a YAML file of OpenCV's `FileStorage` with the matrices
+//! The reference benchmark keeps each place in a YAML file of OpenCV's `FileStorage` with the
+//! matrices
 //!
 //! | matrix | shape | type | |
 //! |---|---|---|---|

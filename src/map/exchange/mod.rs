@@ -2,8 +2,8 @@
 //!
 //! Tables as CSV and arrays as NPY, so that a table program or numpy opens them; `maps/README.md`
 //! describes each. The way back gives the same map, bit for bit
-//! ([`Snapshot::digest`](super::Snapshot::digest)); what does not fit is an error that names the file and
-//! the line or row.
+//! ([`Snapshot::digest`](super::Snapshot::digest)); what does not fit is an error that names the
+//! file and the line or row.
 
 mod arrays;
 mod export;

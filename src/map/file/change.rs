@@ -1,8 +1,8 @@
 //! What does one snapshot add to another?
 //!
 //! A commit writes only what is new, so first it is established that all the rest is as stored.
-//! Places that are shared between the snapshots ([`Arc::ptr_eq`]) are not looked at. A place whose past
-//! has changed is written anew, alone, where the caller wishes so ([`Rewritten`]).
+//! Places that are shared between the snapshots ([`Arc::ptr_eq`]) are not looked at. A place whose
+//! past has changed is written anew, alone, where the caller wishes so ([`Rewritten`]).
 
 use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
@@ -28,7 +28,8 @@ pub(super) struct Change {
     renewed: Vec<usize>,
     /// Visits that these have stored.
     outdated: HashSet<VisitId>,
-    /// Places with something new, ascending, each with the number of its visits that are stored and stay.
+    /// Places with something new, ascending, each with the number of its visits that are stored and
+    /// stay.
     nodes: Vec<(usize, usize)>,
     /// Those among them whose pose is new, ascending.
     poses: Vec<usize>,

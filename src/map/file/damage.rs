@@ -98,7 +98,8 @@ fn tiny(path: &Path) -> Map {
     map
 }
 
-/// Two generations more: a place that forgets a visit and a feature is written anew, then visited again.
+/// Two generations more: a place that forgets a visit and a feature is written anew, then visited
+/// again.
 fn renewed(path: &Path) -> Map {
     let map = tiny(path);
     let mut snapshot = Snapshot::clone(&map.snapshot());

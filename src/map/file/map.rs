@@ -1,7 +1,7 @@
 //! How is a map kept in a file, whatever happens to the machine?
 //!
-//! A [`Map`] is a file of generations ([`Store`]) with the snapshot that it was last read or written as. A
-//! commit appends: its cost follows from what is new, not from what is stored.
+//! A [`Map`] is a file of generations ([`Store`]) with the snapshot that it was last read or
+//! written as. A commit appends: its cost follows from what is new, not from what is stored.
 //!
 //! Not for queries: [`Map::snapshot`] is in memory and immutable.
 
@@ -160,10 +160,10 @@ impl Map {
     /// Makes `snapshot` the stored state in one transaction, and gives its generation number.
     ///
     /// `snapshot` must extend the stored state: the same places and visits in the same order, then
-    /// new ones; poses, edges, attachments, preset and zone may differ freely; its generation number
-    /// is not looked at. Once this returns, the commit survives a power loss; on any error the stored
-    /// state is as before. If nothing differs nothing is written. The first commit to a file of an
-    /// older format makes it one of today's.
+    /// new ones; poses, edges, attachments, preset and zone may differ freely; its generation
+    /// number is not looked at. Once this returns, the commit survives a power loss; on any error
+    /// the stored state is as before. If nothing differs nothing is written. The first commit to a
+    /// file of an older format makes it one of today's.
     pub fn commit(&self, snapshot: &Snapshot) -> Result<u64> {
         self.commit_at(snapshot, now())
     }
@@ -223,11 +223,12 @@ impl Map {
     /// Makes `snapshot` the stored state, whether or not it extends the one before, and gives its
     /// generation number.
     ///
-    /// Places that extend what is stored of them are committed as usual; those that do not (a budget made
-    /// the learner forget, say) are written anew, each for itself. So the cost follows from the places that
-    /// have changed, and the file grows by them until it is pruned. Only if places are gone, renamed or in
-    /// another order, or image size or crop is another, all of the map is written. UUID and extractor
-    /// must stay. As with [`rollback`](Self::rollback) nothing is lost.
+    /// Places that extend what is stored of them are committed as usual; those that do not (a
+    /// budget made the learner forget, say) are written anew, each for itself. So the cost follows
+    /// from the places that have changed, and the file grows by them until it is pruned. Only if
+    /// places are gone, renamed or in another order, or image size or crop is another, all of the
+    /// map is written. UUID and extractor must stay. As with [`rollback`](Self::rollback) nothing
+    /// is lost.
     pub fn replace(&self, snapshot: &Snapshot) -> Result<u64> {
         self.replace_at(snapshot, now())
     }
@@ -246,9 +247,9 @@ impl Map {
 
     /// Forgets all generations but 0, the newest, those in `keep` and those where their lines part.
     ///
-    /// What stays keeps number, content and digest; what goes cannot be returned to. One transaction,
-    /// then the file is made as small as it can be, for which the disk needs room for a second one;
-    /// where that fails the map is pruned all the same.
+    /// What stays keeps number, content and digest; what goes cannot be returned to. One
+    /// transaction, then the file is made as small as it can be, for which the disk needs room for
+    /// a second one; where that fails the map is pruned all the same.
     pub fn prune(&self, keep: &BTreeSet<u64>) -> Result<Pruned> {
         let mut stored = self.stored();
         let Stored { store, state } = &mut *stored;

@@ -1,10 +1,10 @@
-//! Which state is a map file in, told without reading all of it?
+//! Which state is a map file in, as far as its first pages say?
 //!
 //! Whatever is derived from a map (an index, a layout for queries) is kept beside it under the
 //! [`Stamp`] that it was made of, and made again once the map has another.
 //!
-//! Not for trusting a file: that its rows are as they were written only [`Map::open`](super::Map::open)
-//! finds out.
+//! Not for trusting a file: that its rows are as they were written only
+//! [`Map::open`](super::Map::open) finds out.
 
 use std::path::Path;
 

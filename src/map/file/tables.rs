@@ -1,7 +1,7 @@
 //! Which tables has each format?
 //!
-//! `maps/README.md` states the same for people, down to the byte. Not for reading or writing rows: that is
-//! `load` and `change`.
+//! `maps/README.md` states the same for people, down to the byte. Not for reading or writing rows:
+//! that is `load` and `change`.
 
 use chronotope_store::{Holds, Kind, Table};
 
@@ -197,8 +197,8 @@ pub(super) const ATTACHMENT: Table = Table {
     holds: Holds::NewestOf("name"),
 };
 
-/// Places that are written anew: of a place in this table only visits of the same generation and later
-/// ones hold.
+/// Places that are written anew: of a place in this table only visits of the same generation and
+/// later ones hold.
 pub(super) const RENEWAL: Table = Table {
     name: "renewal",
     create: "CREATE TABLE renewal (id INTEGER PRIMARY KEY, generation INTEGER NOT NULL, \

@@ -27,8 +27,8 @@ pub(super) struct Trail {
     pub(super) generations: Vec<Generation>,
 }
 
-/// Whether every generation of a line, not only the last, was what its row says: the commits are made again,
-/// with the chains in place of the visits. O(generations * places + visits).
+/// Whether every generation of a line, not only the last, was what its row says: the commits are
+/// made again, with the chains in place of the visits. O(generations * places + visits).
 pub(super) fn check_trail(trail: &Trail, whole: &Snapshot) -> Result<(), Fault> {
     let Some((_, meta)) = trail.metas.first() else {
         return Ok(());

@@ -39,9 +39,9 @@ impl VerifyReport {
 }
 
 impl Map {
-    /// Checks everything about a map file and changes nothing: SQLite's pages, the declaration of the
-    /// tables, the checksum of every row, the rows against each other, and the totals and digest of
-    /// every generation.
+    /// Checks everything about a map file and changes nothing: SQLite's pages, the declaration of
+    /// the tables, the checksum of every row, the rows against each other, and the totals and
+    /// digest of every generation.
     ///
     /// An error says that the file is no map at all or cannot be read; damage to a map is in the
     /// report.

@@ -30,7 +30,7 @@ pub struct Generation {
     pub prunes: u64,
     /// When it was committed, microseconds since 1970.
     pub time_us: i64,
-    /// What its user notes of it: the other columns ([`note_columns`]), in their order.
+    /// What its user notes of it: the other columns, in their order.
     pub notes: Vec<u64>,
     /// The digest of the content after it.
     pub digest: [u8; 32],

@@ -27,7 +27,7 @@ pub(super) struct Change {
     /// Places that are written anew, ascending.
     renewed: Vec<usize>,
     /// Visits that these have stored.
-    outdated: HashSet<VisitId>,
+    outdated: BTreeSet<VisitId>,
     /// Places with something new, ascending, each with the number of its visits that are stored and
     /// stay.
     nodes: Vec<(usize, usize)>,
@@ -66,7 +66,7 @@ impl Change {
             meta,
             edges: next.edges != stored.edges,
             renewed: Vec::new(),
-            outdated: HashSet::new(),
+            outdated: BTreeSet::new(),
             nodes: Vec::new(),
             poses: Vec::new(),
             attachments: changed_attachments(stored, next),

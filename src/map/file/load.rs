@@ -23,6 +23,7 @@ use crate::map::snapshot::check_attachment;
 use crate::map::types::{AppearanceUse, Edge, MapMeta, PlaceKey, SessionId, Visit, VisitId};
 use fremen::error::{ErrorKind, Result};
 use fremen::time::Time;
+use fremen::visibility::BitRow;
 
 /// Appends to `state` (`None`: nothing is known yet) what the file holds beyond it, or reads
 /// everything anew if what the file holds now does not follow from it.
@@ -177,6 +178,80 @@ fn read_metas(
     Ok(metas)
 }
 
+/// What a row of table `visit` says.
+struct VisitRow<'a> {
+    number: usize,
+    visit: Visit,
+    seen: BitRow,
+    hidden: Option<BitRow>,
+    /// Bits of the experiences so far, which the row does not count.
+    located_by: &'a [u8],
+}
+
+impl<'a> VisitRow<'a> {
+    fn decode(row: &Row<'a>, appearance: Option<Features>) -> Result<Self, Fault> {
+        let num_features = row.count(9)?;
+        if num_features > MAX_FEATURES {
+            let message = format!("a place holds at most {MAX_FEATURES} features");
+            return Err(row.misfit(9, message));
+        }
+        let bits = |column| {
+            codec::decode_bits(row.blob(column)?, num_features).map_err(malformed(row, column))
+        };
+        let seen = bits(10)?;
+        let hidden = if row.is_null(11) {
+            None
+        } else {
+            Some(bits(11)?)
+        };
+        let visit = Visit {
+            id: VisitId(row.bits_128(4)?),
+            session: SessionId(row.bits_128(5)?),
+            time: Time::from_us(row.integer(6)?),
+            source: row.text(7)?.into(),
+            appearance: appearance.map(Arc::new),
+            appearance_use: AppearanceUse::named(row.text(8)?)
+                .ok_or_else(|| row.misfit(8, "neither `experience` nor `recognised`"))?,
+        };
+        Ok(Self {
+            visit,
+            seen,
+            hidden,
+            located_by: row.blob(12)?,
+            number: row.count(3)?,
+        })
+    }
+
+    /// Appends the visit to a place, if it follows what is there.
+    fn append(
+        self,
+        row: &Row<'_>,
+        state: &mut State,
+        at: usize,
+        born: &Features,
+    ) -> Result<(), Fault> {
+        let node = &mut state.snapshot.nodes[at];
+        let expected = node.visits.len();
+        if self.number != expected {
+            let place = row.count(2)?;
+            let message = format!("visit {expected} of place {place} is missing");
+            return Err(row.misfit(3, message));
+        }
+        if !state.visit_ids.insert(self.visit.id) {
+            let message = format!("visit {} is in the map twice", self.visit.id);
+            return Err(row.misfit(4, message));
+        }
+        let node = Arc::make_mut(node);
+        let num_experiences = node.num_experiences_after(self.visit.appearance_use);
+        let located_by =
+            codec::decode_bits(self.located_by, num_experiences).map_err(malformed(row, 12))?;
+        node.push_visit(self.visit, born, self.seen, self.hidden, located_by)
+            .map_err(|error| row.misfit(9, error.to_string()))?;
+        state.chains[at] = digest::next_link(&state.chains[at], node, self.number);
+        Ok(())
+    }
+}
+
 /// One reading of a file's rows.
 struct Reading<'a> {
     reader: &'a Reader<'a>,
@@ -302,32 +377,8 @@ impl Reading<'_> {
         let mut born = self.read_features(&tables::FEATURE, after)?;
         let mut appearances = self.read_features(&tables::APPEARANCE, after)?;
         self.scan(&tables::VISIT, after, |row, is_of_line, faults, trail| {
-            let num_features = row.count(9)?;
-            if num_features > MAX_FEATURES {
-                let message = format!("a place holds at most {} features", MAX_FEATURES);
-                return Err(row.misfit(9, message));
-            }
-            let bits = |column| {
-                codec::decode_bits(row.blob(column)?, num_features).map_err(malformed(row, column))
-            };
-            let seen = bits(10)?;
-            let hidden = if row.is_null(11) {
-                None
-            } else {
-                Some(bits(11)?)
-            };
-            let visit = Visit {
-                id: VisitId(row.bits_128(4)?),
-                session: SessionId(row.bits_128(5)?),
-                time: Time::from_us(row.integer(6)?),
-                source: row.text(7)?.into(),
-                appearance: appearances.remove(&row.id()).map(Arc::new),
-                appearance_use: AppearanceUse::named(row.text(8)?)
-                    .ok_or_else(|| row.misfit(8, "neither `experience` nor `recognised`"))?,
-            };
+            let visit = VisitRow::decode(row, appearances.remove(&row.id()))?;
             let born = born.remove(&row.id()).unwrap_or_default();
-            let located_by = row.blob(12)?;
-            let number = row.count(3)?;
             state.last_visit = row.id();
             if !faults.is_clean() || !is_of_line {
                 return Ok(());
@@ -341,24 +392,7 @@ impl Reading<'_> {
             if is_outdated && trail.is_none() {
                 return Ok(());
             }
-            let node = &mut state.snapshot.nodes[at];
-            let expected = node.visits.len();
-            if number != expected {
-                let place = row.count(2)?;
-                let message = format!("visit {expected} of place {place} is missing");
-                return Err(row.misfit(3, message));
-            }
-            if !state.visit_ids.insert(visit.id) {
-                let message = format!("visit {} is in the map twice", visit.id);
-                return Err(row.misfit(4, message));
-            }
-            let node = Arc::make_mut(node);
-            let num_experiences = node.num_experiences_after(visit.appearance_use);
-            let located_by =
-                codec::decode_bits(located_by, num_experiences).map_err(malformed(row, 12))?;
-            node.push_visit(visit, &born, seen, hidden, located_by)
-                .map_err(|error| row.misfit(9, error.to_string()))?;
-            state.chains[at] = digest::next_link(&state.chains[at], node, number);
+            visit.append(row, state, at, &born)?;
             if let Some(trail) = trail {
                 trail
                     .links

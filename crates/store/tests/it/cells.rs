@@ -5,7 +5,7 @@ use std::fs;
 use chronotope_store::Access;
 use fremen::error::ErrorKind;
 
-use crate::counts::{Counts, FIRST, GRID, Grid};
+use crate::counts::{Counts, FIRST, GRID, Grid, REMARK, RESET, SAMPLE};
 
 fn folder() -> tempfile::TempDir {
     tempfile::tempdir_in("/dev/shm")
@@ -87,6 +87,38 @@ fn what_stays_after_pruning_is_what_it_was() {
     assert!(grid.prune(&[]).expect("sound") > 0);
     assert!(grid.store.num_bytes().expect("there") <= num_bytes);
     assert_eq!(Some(&grid.known.counts), known.last());
+}
+
+#[test]
+fn what_was_begun_anew_is_pruned_with_all_that_hangs_on_it() {
+    let folder = folder();
+    let path = folder.path().join("a.grid");
+    let mut grid = Grid::create(&GRID, &path).expect("new");
+    grid.sample(1, &[5, 6], false).expect("extends");
+    grid.sample(2, &[7], false).expect("extends");
+    grid.sample(1, &[8], true).expect("extends");
+    grid.sample(1, &[9], false).expect("extends");
+    let all = [100, 101, 200, 300, 400];
+    assert_eq!(
+        (grid.ids(&SAMPLE), grid.ids(&RESET)),
+        (all.to_vec(), vec![3])
+    );
+    // As long as somebody may return to what was, it stays.
+    assert_eq!(grid.prune(&[2, 3]).expect("sound"), 1);
+    assert_eq!(
+        (grid.ids(&SAMPLE), grid.ids(&REMARK)),
+        (all.to_vec(), all.to_vec())
+    );
+    assert_eq!(grid.prune(&[]).expect("sound"), 2);
+    let left = vec![200, 300, 400];
+    assert_eq!((grid.ids(&SAMPLE), grid.ids(&REMARK)), (left.clone(), left));
+    assert_eq!(Grid::verify(&GRID, &path).expect("a grid"), []);
+    // Another branch has what it had.
+    grid.sample(2, &[1], true).expect("extends");
+    grid.rollback(4).expect("there");
+    grid.sample(2, &[2], false).expect("extends");
+    grid.prune(&[]).expect("sound");
+    assert_eq!(grid.ids(&SAMPLE), [200, 300, 400, 700]);
 }
 
 #[test]

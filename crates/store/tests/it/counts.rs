@@ -45,6 +45,34 @@ pub(crate) const CELL: Table = Table {
     holds: Holds::NewestOf("cell"),
 };
 
+/// Raw samples of a region, and what begins those of a region anew.
+pub(crate) const SAMPLE: Table = Table {
+    name: "sample",
+    create: "CREATE TABLE sample (id INTEGER PRIMARY KEY, generation INTEGER NOT NULL, \
+             region INTEGER NOT NULL, value INTEGER NOT NULL, crc INTEGER NOT NULL) STRICT",
+    columns: &["id", "generation", "region", "value"],
+    limits: &[],
+    holds: Holds::Since(&RESET, "region"),
+};
+pub(crate) const RESET: Table = Table {
+    name: "reset",
+    create: "CREATE TABLE reset (id INTEGER PRIMARY KEY, generation INTEGER NOT NULL, \
+             region INTEGER NOT NULL, crc INTEGER NOT NULL) STRICT",
+    columns: &["id", "generation", "region"],
+    limits: &[],
+    holds: Holds::NewestOf("region"),
+};
+
+/// Remarks on samples, by their ids.
+pub(crate) const REMARK: Table = Table {
+    name: "remark",
+    create: "CREATE TABLE remark (sample INTEGER PRIMARY KEY, generation INTEGER NOT NULL, \
+             text TEXT NOT NULL, crc INTEGER NOT NULL) STRICT",
+    columns: &["sample", "generation", "text"],
+    limits: &[("text", 100)],
+    holds: Holds::With(&SAMPLE),
+};
+
 /// What the second version has beside the cells.
 const NOTE: Table = Table {
     name: "note",
@@ -71,7 +99,7 @@ pub(crate) static GRID: Kind = Kind {
     version: 2,
     tables: |version| match version {
         1 => &[&GENERATION_1, &CELL],
-        _ => &[&GENERATION, &CELL, &NOTE],
+        _ => &[&GENERATION, &CELL, &NOTE, &SAMPLE, &RESET, &REMARK],
     },
     noun: "grid",
     application_id: 0x4772_6964,
@@ -217,6 +245,38 @@ impl Grid {
             ..past
         };
         Ok(number)
+    }
+
+    /// Commits samples of a region, each with a remark; `anew`: those before no longer hold.
+    pub(crate) fn sample(&mut self, region: i64, values: &[i64], anew: bool) -> Result<u64> {
+        let tip = self.known.tip;
+        let number = tip.number + 1;
+        let generation = (self.known.counts).generation(number, Some(tip.number), tip.prunes);
+        self.store.write(tip, |writer| {
+            let [number, region] = [number as i64, region].map(ValueRef::Integer);
+            if anew {
+                writer.insert(&RESET, &[number, number, region])?;
+            }
+            for (at, &value) in values.iter().enumerate() {
+                let id = ValueRef::Integer(100 * generation.number as i64 + at as i64);
+                writer.insert(&SAMPLE, &[id, number, region, ValueRef::Integer(value)])?;
+                writer.insert(&REMARK, &[id, number, ValueRef::Text(b"fine")])?;
+            }
+            writer.insert_generation(&generation)
+        })?;
+        self.known.tip.number = generation.number;
+        Ok(generation.number)
+    }
+
+    /// The ids in a table.
+    pub(crate) fn ids(&self, table: &Table) -> Vec<i64> {
+        let sql = format!(
+            "SELECT {0} FROM {1} ORDER BY {0}",
+            table.columns[0], table.name
+        );
+        let mut statement = self.store.connection().prepare(&sql).expect("sound");
+        let ids = statement.query_map([], |row| row.get(0)).expect("sound");
+        ids.collect::<rusqlite::Result<_>>().expect("sound")
     }
 
     /// Keeps these generations; gives how many went.

@@ -137,7 +137,7 @@ fn a_poisoned_session_changes_nothing_with_the_guard_and_harms_without_it() {
         let learnt = observe(&mut learner, "poison", it).expect("fits");
         match learnt.doubt {
             Some(QuarantineReason::Blind { gray_range, .. }) => {
-                assert_eq!(gray_range, Some((0, 3)))
+                assert_eq!(gray_range, Some((0, 3)));
             }
             Some(QuarantineReason::Disagreement {
                 agreement,

@@ -209,6 +209,24 @@ pub(crate) fn meta() -> MapMeta {
     }
 }
 
+/// What is seen in an image of a run, one an hour.
+pub(crate) fn observation(
+    place: PlaceKey,
+    number: u64,
+    features: &Features,
+    image_size: (u32, u32),
+) -> Observation<'_> {
+    Observation {
+        place,
+        session: SessionId::derive("run"),
+        time: Time::from_s(number as i64 * 3600),
+        features,
+        image_size,
+        mask: None,
+        source: format!("{number}.png"),
+    }
+}
+
 /// In memory where there is such a folder: every commit waits for the disk.
 pub(crate) fn folder() -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir_in("/dev/shm")
@@ -489,15 +507,8 @@ fn a_map_whose_features_all_come_with_the_first_visit_is_kept() {
     let observe = |learner: &mut Learner, numbers: std::ops::Range<u64>| {
         for number in numbers {
             let live = features(number / 4 % 3, 40);
-            let seen = Observation {
-                place: place((number % 2) as u8),
-                session: SessionId::derive("run"),
-                time: Time::from_s(number as i64 * 3600),
-                features: &live,
-                image_size: (752, 480),
-                mask: None,
-                source: format!("{number}.png"),
-            };
+            let key = place((number % 2) as u8);
+            let seen = observation(key, number, &live, (752, 480));
             learner.observe(&seen).expect("fits");
         }
         learner.snapshot().expect("in step")

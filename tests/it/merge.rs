@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use chronotope::feature::{Descriptor, Features, Keypoint};
-use chronotope::learn::{KeepAppearances, LearnConfig, Learner, Observation, merge, relearn};
+use chronotope::learn::{KeepAppearances, LearnConfig, Learner, merge, relearn};
 use chronotope::localize::Preset;
 use chronotope::map::{
     AppearanceUse, Edge, MapMeta, Node, PlaceKey, Quarantine, QuarantineReason, QuarantinedVisit,
@@ -264,15 +264,8 @@ fn learn(visits: std::ops::Range<u64>, only: impl Fn(u64) -> bool) -> Snapshot {
             };
             live.push(keypoint, Descriptor([word, !word, word << 7, word >> 5]));
         }
-        let observation = Observation {
-            place: place((number % 2) as u8),
-            session: SessionId::derive("run"),
-            time: Time::from_s(number as i64 * 3600),
-            features: &live,
-            image_size: (640, 480),
-            mask: None,
-            source: format!("{number}.png"),
-        };
+        let key = place((number % 2) as u8);
+        let observation = crate::map::observation(key, number, &live, (640, 480));
         learner.observe(&observation).expect("fits");
     }
     Snapshot::clone(&learner.snapshot().expect("in step"))

@@ -72,7 +72,7 @@ fn repository(path: &str) -> PathBuf {
 fn golden() -> &'static Snapshot {
     static GOLDEN: OnceLock<Snapshot> = OnceLock::new();
     GOLDEN.get_or_init(|| {
-        let map = Map::open_read_only(repository("maps/golden/format-2.map")).expect("a map");
+        let map = Map::open_read_only(repository("maps/golden/format-3.map")).expect("a map");
         Snapshot::clone(&map.snapshot())
     })
 }

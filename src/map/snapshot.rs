@@ -226,26 +226,26 @@ fn unknown_place(key: &PlaceKey) -> Error {
 pub struct Summary {
     /// Which commit it is.
     pub generation: u64,
-    /// Places.
+    /// How many places there are.
     pub num_places: usize,
-    /// Ways between them.
+    /// How many ways lead from one to another.
     pub num_edges: usize,
-    /// Runs that the visits belong to.
+    /// How many runs the visits belong to.
     pub num_sessions: usize,
-    /// Visits of all places.
+    /// How many visits there are in all places.
     pub num_visits: usize,
-    /// Visits whose own features are kept.
+    /// How many visits have kept their own features.
     pub num_appearances: usize,
-    /// Those of them that are experiences of their place.
+    /// How many of these are experiences of their place.
     pub num_experiences: usize,
-    /// Features of all places, without those of appearances.
+    /// How many features all places have, without those of appearances.
     pub num_features: usize,
-    /// Named values that other rooms keep with the map.
+    /// How many named values other rooms keep with the map.
     pub num_attachments: usize,
-    /// Bytes of features, logs, appearances and attachments.
+    /// How many bytes features, logs, appearances and attachments take.
     pub num_bytes: usize,
-    /// The earliest visit.
+    /// When the earliest visit was.
     pub first: Option<Time>,
-    /// The latest visit.
+    /// When the latest visit was.
     pub last: Option<Time>,
 }

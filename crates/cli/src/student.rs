@@ -192,3 +192,66 @@ fn is_bloated(map: &Map, snapshot: &Snapshot) -> Result<bool> {
     let found = std::fs::metadata(map.path()).map_err(|cause| Error::io(map.path(), &cause))?;
     Ok(found.len() > most as u64)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chronotope::feature::{Descriptor, Keypoint};
+    use chronotope::learn::{BudgetConfig, GuardConfig, Judge};
+    use chronotope::map::{MapMeta, derived_uuid};
+
+    /// Some features that last, some of each visit alone.
+    fn image(number: u64) -> Features {
+        let mut live = Features::new();
+        for i in (0..40).chain(100 + 30 * number..130 + 30 * number) {
+            let word = (i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            let keypoint = Keypoint {
+                x: 20.0 + (i * 37 % 600) as f32,
+                y: 20.0 + (i * 53 % 440) as f32,
+                size: 9.0,
+                response: 1.0,
+            };
+            live.push(
+                keypoint,
+                Descriptor([word, !word, word << 17 | i, word >> 9 ^ i]),
+            );
+        }
+        live
+    }
+
+    #[test]
+    fn the_file_of_a_map_within_a_budget_stays_bounded() -> Result<()> {
+        let folder = tempfile::tempdir().map_err(|cause| Error::io("a folder", &cause))?;
+        let path = folder.path().join("a.map");
+        let map = Map::create(&path, MapMeta::new(derived_uuid("a"), "none", "default"))?;
+        let budget = BudgetConfig::default()
+            .with_visits_per_place(20)
+            .with_features_per_place(120);
+        let guard = GuardConfig::default().with_judge(Judge::Never);
+        let cfg = (LearnConfig::default().with_guard(guard)).with_budget(budget)?;
+        let mut learner = Learner::resume(cfg, Snapshot::clone(&map.snapshot()))?;
+        let (mut num_prunes, mut num_before) = (0, 0);
+        for number in 0..240 {
+            learner.observe(&Observation {
+                place: PlaceKey::new(["door", "gate"][number as usize % 2])?,
+                session: SessionId::derive("run"),
+                time: Time::from_s(number as i64 * 3_600),
+                features: &image(number),
+                image_size: (640, 480),
+                mask: None,
+                source: String::new(),
+            })?;
+            store(&map, &mut learner)?;
+            let num_generations = map.generations()?.len();
+            num_prunes += usize::from(num_generations < num_before);
+            num_before = num_generations;
+            assert_eq!(map.snapshot().nodes, learner.snapshot()?.nodes);
+            let found = std::fs::metadata(&path).map_or(0, |it| it.len());
+            assert!(found < 3 * SMALL_BYTES as u64, "{found} bytes at {number}");
+        }
+        // Seldom, and often enough.
+        assert!((1..60).contains(&num_prunes), "{num_prunes}");
+        assert!(Map::verify(&path)?.is_clean());
+        Ok(())
+    }
+}

@@ -13,7 +13,7 @@
 
 use std::sync::Arc;
 
-use crate::map::{Held, Node, SessionId, Snapshot};
+use crate::map::{Node, Quarantine, SessionId, Snapshot};
 use fremen::error::{Error, ErrorKind, Result};
 
 /// The map without the visits of `session`, and how many these were (with those held).
@@ -22,7 +22,7 @@ use fremen::error::{Error, ErrorKind, Result};
 /// if the map has no such session.
 pub fn forget_session(map: &Snapshot, session: SessionId) -> Result<(Snapshot, usize)> {
     let mut forgotten = map.clone();
-    let mut held = Held::of(map)?;
+    let mut held = Quarantine::of(map)?;
     let mut num_forgotten = held.forget(session);
     for node in &mut forgotten.nodes {
         let kept: Vec<bool> = (node.visits.iter())

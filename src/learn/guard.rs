@@ -38,14 +38,14 @@
 //! the features a visit on average, with and without a budget.
 //!
 //! Not for deciding where an image was taken: that is `localize`. A doubtful visit is not lost
-//! ([`Held`](crate::map::Held)): somebody who knows better may accept it.
+//! ([`Quarantine`](crate::map::Quarantine)): somebody who knows better may accept it.
 
 use std::collections::BTreeMap;
 
 use super::config::LearnConfig;
 use super::expectation::{PlaceModel, identity};
 use super::guard_config::MIN_CHECKED;
-use crate::map::{ClockFault, Doubt, Node, PlaceKey, SessionId, Snapshot};
+use crate::map::{ClockFault, Node, PlaceKey, QuarantineReason, SessionId, Snapshot};
 use fremen::error::Result;
 use fremen::time::Time;
 use fremen::visibility::{self, BitRow, VisibilityModel, Visits};
@@ -124,13 +124,13 @@ impl Usual {
 
 impl Disagreement {
     /// Whether that is reason enough to doubt it, if it looks like another place or like none.
-    pub(super) fn judged(self, looks_like: Option<PlaceKey>) -> Option<Doubt> {
+    pub(super) fn judged(self, looks_like: Option<PlaceKey>) -> Option<QuarantineReason> {
         let threshold = if looks_like.is_some() {
             self.usual.low_recognised
         } else {
             self.threshold
         };
-        (self.agreement < threshold).then_some(Doubt::Disagreement {
+        (self.agreement < threshold).then_some(QuarantineReason::Disagreement {
             agreement: self.agreement,
             threshold,
             expected: self.usual.median,
@@ -160,14 +160,14 @@ impl Guard {
         session: SessionId,
         time: Time,
         circumstances: &Circumstances,
-    ) -> Option<Doubt> {
+    ) -> Option<QuarantineReason> {
         let newest = (snapshot.nodes.iter())
             .filter_map(|node| node.log.times().last())
             .max();
         if newest.is_some_and(|&newest| newest < FIRST_TIME) {
             return None;
         }
-        let fault = |fault, off_s| Some(Doubt::Clock { fault, off_s });
+        let fault = |fault, off_s| Some(QuarantineReason::Clock { fault, off_s });
         // A machine without a clock of its own cannot judge another one.
         let now = circumstances.now.filter(|&now| now >= FIRST_TIME);
         let off_s = now.map(|now| time.since_s(now));
@@ -350,7 +350,7 @@ mod tests {
     fn fault(guard: &mut Guard, time: Time, circumstances: Circumstances) -> Option<ClockFault> {
         let map = Snapshot::empty(MapMeta::new(1, "star+brief", "default"));
         match guard.doubt_clock(&map, SessionId(1), time, &circumstances) {
-            Some(Doubt::Clock { fault, .. }) => Some(fault),
+            Some(QuarantineReason::Clock { fault, .. }) => Some(fault),
             _ => None,
         }
     }

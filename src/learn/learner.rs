@@ -12,8 +12,8 @@ use super::{online, reference};
 use crate::feature::{Features, FeaturesView, GrayImage};
 use crate::localize::Score;
 use crate::map::{
-    AppearanceUse, Doubt, Held, HeldVisit, MAX_TEXT_BYTES, MapMeta, MaskRuns, Node, PlaceKey,
-    Reobservation, Snapshot, Visit, VisitId, features_digest,
+    AppearanceUse, MAX_TEXT_BYTES, MapMeta, MaskRuns, Node, PlaceKey, Quarantine, QuarantineReason,
+    QuarantinedVisit, Reobservation, Snapshot, Visit, VisitId, features_digest,
 };
 use crate::matching::{Matcher, displacements_into, vote_displacement};
 use fremen::error::{Error, ErrorKind, Result};
@@ -29,7 +29,7 @@ pub struct Learner {
     reobserve: Matcher,
     experience: Matcher,
     reobservation: Reobservation,
-    held: Held,
+    held: Quarantine,
     /// Whether that is more or less than what the snapshot has of them: it may be megabytes.
     held_has_changed: bool,
     /// `None` where visits are not judged.
@@ -45,7 +45,12 @@ impl Learner {
     pub fn new(cfg: LearnConfig, meta: MapMeta) -> Self {
         let reobservation = Reobservation::new(meta.uuid);
         let snapshot = Snapshot::empty(meta);
-        Self::with(cfg.for_building(), snapshot, reobservation, Held::default())
+        Self::with(
+            cfg.for_building(),
+            snapshot,
+            reobservation,
+            Quarantine::default(),
+        )
     }
 
     /// Goes on with a map that was learnt with the same configuration.
@@ -54,7 +59,7 @@ impl Learner {
     /// that it holds, cannot be read.
     pub fn resume(cfg: LearnConfig, snapshot: Snapshot) -> Result<Self> {
         let reobservation = Reobservation::of(&snapshot)?;
-        let held = Held::of(&snapshot)?;
+        let held = Quarantine::of(&snapshot)?;
         Ok(Self::with(cfg, snapshot, reobservation, held))
     }
 
@@ -62,7 +67,7 @@ impl Learner {
         cfg: LearnConfig,
         snapshot: Snapshot,
         reobservation: Reobservation,
-        held: Held,
+        held: Quarantine,
     ) -> Self {
         let num_bytes = if cfg.budget().bytes().is_some() {
             snapshot.nodes.iter().map(|node| node.num_bytes()).collect()
@@ -91,7 +96,7 @@ impl Learner {
     }
 
     /// The visits that wait to be accepted or rejected.
-    pub fn held(&self) -> &Held {
+    pub fn held(&self) -> &Quarantine {
         &self.held
     }
 
@@ -119,7 +124,7 @@ impl Learner {
             return self.integrate(visit, observation, features, agreement);
         };
         self.held_has_changed = true;
-        let num_dropped = self.held.push(HeldVisit {
+        let num_dropped = self.held.push(QuarantinedVisit {
             place: observation.place.clone(),
             id: visit.id,
             session: visit.session,
@@ -127,7 +132,7 @@ impl Learner {
             source: visit.source,
             image_size: observation.image_size,
             mask: observation.mask.map(|mask| Arc::new(MaskRuns::of(mask))),
-            doubt: doubt.clone(),
+            reason: doubt.clone(),
             features: Arc::new(features),
         });
         if num_dropped > 0 {
@@ -174,15 +179,15 @@ impl Learner {
         };
         let features = Features::clone(&held.features);
         // Somebody knows that this was an honest visit: the next one like it is less unusual.
-        let agreement = match held.doubt {
-            Doubt::Disagreement { agreement, .. } => Some(agreement),
-            Doubt::Blind { .. } | Doubt::Clock { .. } => None,
+        let agreement = match held.reason {
+            QuarantineReason::Disagreement { agreement, .. } => Some(agreement),
+            QuarantineReason::Blind { .. } | QuarantineReason::Clock { .. } => None,
         };
         self.integrate(visit, &observation, features, agreement)
     }
 
     /// Whether a visit that is held can be learnt into the map as it is by now; gives its mask.
-    fn check_held(&self, held: &HeldVisit) -> Result<Option<GrayImage>> {
+    fn check_held(&self, held: &QuarantinedVisit) -> Result<Option<GrayImage>> {
         check_size(&self.snapshot.meta, held.image_size)
             .map_err(|error| error.with_path(&held.source))?;
         let mut learnt = self.snapshot.nodes.iter().flat_map(|node| &node.visits);
@@ -204,7 +209,7 @@ impl Learner {
         self.take_held(id).map(drop)
     }
 
-    fn take_held(&mut self, id: VisitId) -> Result<HeldVisit> {
+    fn take_held(&mut self, id: VisitId) -> Result<QuarantinedVisit> {
         self.held_has_changed = true;
         self.held.take(id).ok_or_else(|| {
             Error::new(ErrorKind::NotFound, format!("no visit {id} is held"))
@@ -219,7 +224,7 @@ impl Learner {
         observation: &Observation<'_>,
         features: &Features,
         circumstances: &Circumstances,
-    ) -> Result<(Option<Doubt>, Option<f64>)> {
+    ) -> Result<(Option<QuarantineReason>, Option<f64>)> {
         let Some(guard) = &mut self.guard else {
             return Ok((None, None));
         };
@@ -242,7 +247,7 @@ impl Learner {
             return Ok((Some(doubt), None));
         }
         if observation.features.len() < self.cfg.guard().min_features() {
-            let doubt = Doubt::Blind {
+            let doubt = QuarantineReason::Blind {
                 num_features: observation.features.len(),
                 gray_range: circumstances.gray_range,
             };
@@ -262,7 +267,7 @@ impl Learner {
         index: usize,
         observation: &Observation<'_>,
         features: &Features,
-    ) -> Result<(Option<Doubt>, Option<f64>)> {
+    ) -> Result<(Option<QuarantineReason>, Option<f64>)> {
         let found = self.find(index, observation, features);
         let node = &*self.snapshot.nodes[index];
         let Some(guard) = &mut self.guard else {

@@ -22,7 +22,7 @@
 //! in canonical order, which is a function of their set, too.
 //!
 //! Of the attachments, what was counted of features seen again ([`Reobservation`]) and the visits
-//! that are held ([`Held`], unless one of the maps has learnt them) are merged; others describe one
+//! that are held ([`Quarantine`], unless one of the maps has learnt them) are merged; others describe one
 //! map and are left out.
 //!
 //! O(places * visits * features / 64 + bytes). Not for: maps with different extractors, image sizes
@@ -37,7 +37,8 @@ use super::learner::Learner;
 use super::visit::Observation;
 use crate::feature::{Descriptor, Features, Keypoint};
 use crate::map::{
-    AppearanceUse, Edge, Held, MapMeta, Node, PlaceKey, Reobservation, Snapshot, Visit, VisitId,
+    AppearanceUse, Edge, MapMeta, Node, PlaceKey, Quarantine, Reobservation, Snapshot, Visit,
+    VisitId,
 };
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
@@ -58,11 +59,11 @@ const MAX_TOLD: usize = 10;
 /// attachment that is merged cannot be read.
 pub fn merge(maps: &[&Snapshot]) -> Result<Snapshot> {
     let mut union = Union::default();
-    let mut held = Held::default();
+    let mut held = Quarantine::default();
     let mut reobservation: Option<Reobservation> = None;
     for map in maps {
         union.add(map);
-        held.merge(&Held::of(map)?);
+        held.merge(&Quarantine::of(map)?);
         let counted = Reobservation::of(map)?;
         match &mut reobservation {
             Some(so_far) => so_far.merge(&counted),
@@ -162,7 +163,7 @@ pub fn relearn(cfg: LearnConfig, map: &Snapshot) -> Result<Snapshot> {
         }
         snapshot.push_node(again)?;
     }
-    Held::of(map)?.attach(&mut snapshot)?;
+    Quarantine::of(map)?.attach(&mut snapshot)?;
     Ok(snapshot)
 }
 

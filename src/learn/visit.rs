@@ -1,7 +1,7 @@
 //! What is one visit: an image of a known place, and what it says of the features there?
 
 use crate::feature::{Features, GrayImage};
-use crate::map::{Doubt, PlaceKey, SessionId};
+use crate::map::{PlaceKey, QuarantineReason, SessionId};
 use crate::matching::{Displacement, Match, MatchScratch, VoteScratch};
 use fremen::time::Time;
 use fremen::visibility::BitRow;
@@ -35,7 +35,7 @@ pub struct Learnt {
     /// Whether its appearance became an experience.
     pub experience: bool,
     /// Why it was held instead; nothing else changed then.
-    pub doubt: Option<Doubt>,
+    pub doubt: Option<QuarantineReason>,
     /// Features and visits that were forgotten to keep to the budget: the map does not extend its
     /// past then, and is stored by [`Map::replace`](crate::map::Map::replace).
     pub num_forgotten: usize,

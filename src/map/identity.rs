@@ -1,16 +1,16 @@
 //! What makes two maps, runs or visits the same?
 //!
-//! Identities are 128 bits, so that maps of several robots can be merged without asking each other.
-//! Derived ones are the first 128 bits of a SHA-256 over a label and length-prefixed parts: the same
-//! input gives the same identity on every machine. Not for secrets.
+//! Identities are 128 bits, so that maps of several robots can be merged without any agreement
+//! between them. Derived ones are the first 128 bits of a SHA-256 over a label and length-prefixed
+//! parts: the same input gives the same identity on every machine. Not for secrets.
 
 use std::hash::{BuildHasher, RandomState};
 
-use rusqlite::types::ValueRef;
+use chronotope_store::{ValueRef, put_value};
 use sha2::{Digest, Sha256};
 
-use super::file::format::{encode_descriptors, encode_keypoints, put_value};
-use super::types::{MapMeta, PlaceKey, SessionId, VisitId};
+use super::codec::{encode_descriptors, encode_keypoints};
+use super::types::{PlaceKey, SessionId, VisitId};
 use crate::feature::Features;
 use fremen::time::Time;
 
@@ -59,20 +59,6 @@ impl SessionId {
     /// A session like no other: for runs of a robot.
     pub fn random() -> Self {
         Self(random_uuid())
-    }
-}
-
-impl MapMeta {
-    /// What a new map says of itself: no image yet, no crop, no zone.
-    pub fn new(uuid: u128, extractor: impl Into<String>, preset: impl Into<String>) -> Self {
-        Self {
-            uuid,
-            extractor: extractor.into(),
-            image_size: None,
-            crop: None,
-            preset: preset.into(),
-            zone: None,
-        }
     }
 }
 

@@ -1,22 +1,23 @@
 //! How do features that are seen again differ from when they were learnt?
 //!
 //! Each time a visit is recognised, the distances of the descriptors that were seen again and the
-//! camera's displacement are counted here. These sums say what a true match looks like; they are part
-//! of a snapshot as the attachment `reobservation`.
+//! camera's displacement are counted here. These sums say what a true match looks like; they are
+//! part of a snapshot as the attachment `reobservation`.
 //!
-//! Each map counts for itself, under its UUID. Where maps are merged, all their counts are kept side by
-//! side, and of two counts under one UUID the larger one of each number: so merging twice counts
-//! nothing twice, and neither order nor grouping matter. (Of two copies of one map that learnt on
-//! separately, the fewer of what they counted since is lost.)
+//! Each map counts for itself, under its UUID. Where maps are merged, all their counts are kept
+//! side by side, and of two counts under one UUID the larger one of each number: so merging twice
+//! counts nothing twice, and neither order nor grouping matter. (Of two copies of one map that
+//! learnt on separately, the fewer of what they counted since is lost.)
 //!
-//! Bytes of the attachment: 257 + 128 + 128 little-endian `u64` (distances 0 to 256 bits; |dx|, then
-//! |dy| in parts of [`PART_PX`], the last part open). Where others than the map itself have counted: for
-//! each, in order of UUID, the 16 bytes of the UUID and then these numbers.
+//! Bytes of the attachment: 257 + 128 + 128 little-endian `u64` (distances 0 to 256 bits; then
+//! horizontal and vertical displacements in parts of [`PART_PX`], the last part open). Where others
+//! than the map itself have counted: for each, in order of UUID, the 16 bytes of the UUID and then
+//! these numbers.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::types::Snapshot;
+use super::snapshot::Snapshot;
 use fremen::error::{Error, ErrorKind, Result};
 
 /// The attachment's name.
@@ -127,9 +128,9 @@ impl Reobservation {
         counts.fold(0, |sum, &count| sum.saturating_add(count))
     }
 
-    /// The spread of displacements, px: the upper end of the part in which two thirds of |dx|, and of
-    /// |dy|, are reached (one standard deviation of a normal distribution holds 68 %); `None` without
-    /// recognised visits.
+    /// The spread of displacements, px: the upper end of the part in which two thirds of the
+    /// horizontal ones, and of the vertical ones, are reached (one standard deviation of a normal
+    /// distribution holds 68 %); `None` without recognised visits.
     pub fn spread_px(&self) -> Option<(f64, f64)> {
         let total = u128::from(self.num_displacements());
         let spread = |parts: &[u64]| {

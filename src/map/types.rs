@@ -1,15 +1,14 @@
-//! Places, visits and edges as plain data.
+//! Which names, visits and edges make up a map?
 
-use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use super::limits::MAX_TEXT_BYTES;
 use crate::feature::{Features, Rect};
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
-use fremen::visibility::HistoryLog;
 
 /// Position of a node in [`Snapshot::nodes`]: a local number, never stored.
 #[derive(
@@ -66,8 +65,8 @@ impl From<PlaceKey> for String {
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct SessionId(pub u128);
 
-/// What makes a visit the same visit in two maps: the first 128 bits of a SHA-256 over session, place
-/// key, capture time and the digest of its features.
+/// What makes a visit the same visit in two maps: the first 128 bits of a SHA-256 over session,
+/// place key, capture time and the digest of its features.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct VisitId(pub u128);
 
@@ -97,6 +96,23 @@ pub enum AppearanceUse {
     Recognised,
 }
 
+impl AppearanceUse {
+    /// The word for it in map files and exported tables.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Experience => "experience",
+            Self::Recognised => "recognised",
+        }
+    }
+
+    /// The inverse of [`name`](Self::name).
+    pub(super) fn named(name: &str) -> Option<Self> {
+        [Self::Experience, Self::Recognised]
+            .into_iter()
+            .find(|it| it.name() == name)
+    }
+}
+
 /// One observation time of a place.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Visit {
@@ -112,40 +128,6 @@ pub struct Visit {
     pub appearance: Option<Arc<Features>>,
     /// What the appearance is for.
     pub appearance_use: AppearanceUse,
-}
-
-/// One place.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Node {
-    /// Its name.
-    pub key: PlaceKey,
-    /// The features of the place, in order of birth; positions are those of the birth visit moved
-    /// by the displacement found there, so that all share the first visit's frame.
-    pub features: Features,
-    /// What was seen when; `log.num_features() == features.len()`.
-    pub log: HistoryLog,
-    /// The visits, in order of arrival; `log.num_visits() == visits.len()` and times agree.
-    pub visits: Vec<Visit>,
-    /// Which experience of the place would by itself have located which visit. Its "features" are the
-    /// visits with [`AppearanceUse::Experience`], in their order, each born at itself, whether or not
-    /// its appearance was kept; it has a row for every visit, and none of them has hidden bits.
-    pub experience_log: HistoryLog,
-    /// Position in metres in a frame of the user's, where known.
-    pub pose: Option<[f64; 3]>,
-}
-
-impl Node {
-    /// A place that was never visited.
-    pub fn new(key: PlaceKey) -> Self {
-        Self {
-            key,
-            features: Features::new(),
-            log: HistoryLog::new(),
-            experience_log: HistoryLog::new(),
-            visits: Vec::new(),
-            pose: None,
-        }
-    }
 }
 
 /// A way from one place to another.
@@ -176,47 +158,34 @@ pub struct MapMeta {
     pub zone: Option<String>,
 }
 
-/// One immutable state of a map.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Snapshot {
-    /// Which commit it is, counted from 0 (empty).
-    pub generation: u64,
-    /// What holds for the whole map.
-    pub meta: MapMeta,
-    /// The places, in order of creation.
-    pub nodes: Vec<Arc<Node>>,
-    /// The ways between them.
-    pub edges: Vec<Edge>,
-    /// What other rooms keep with the map, by a name in kebab case of at most 64 bytes: values of at
-    /// most 16 MiB that this room does not look into. An empty value is the same as none.
-    pub attachments: BTreeMap<String, Arc<[u8]>>,
-}
-
-impl Snapshot {
-    /// A map of no places.
-    pub fn empty(meta: MapMeta) -> Self {
+impl MapMeta {
+    /// What a new map says of itself: no image yet, no crop, no zone.
+    pub fn new(uuid: u128, extractor: impl Into<String>, preset: impl Into<String>) -> Self {
         Self {
-            generation: 0,
-            meta,
-            nodes: Vec::new(),
-            edges: Vec::new(),
-            attachments: BTreeMap::new(),
+            uuid,
+            extractor: extractor.into(),
+            image_size: None,
+            crop: None,
+            preset: preset.into(),
+            zone: None,
         }
     }
 
-    /// The node with this key.
-    pub fn find(&self, key: &PlaceKey) -> Option<NodeId> {
-        self.nodes
-            .iter()
-            .position(|node| node.key == *key)
-            .map(|id| NodeId(id as u32))
-    }
-
-    /// The node with this id.
-    ///
-    /// # Panics
-    /// If the id is of another snapshot.
-    pub fn node(&self, id: NodeId) -> &Node {
-        &self.nodes[id.0 as usize]
+    /// Whether it can be stored.
+    pub fn check(&self) -> Result<()> {
+        let zone = self.zone.as_deref().unwrap_or_default();
+        for (what, text) in [
+            ("extractor", self.extractor.as_str()),
+            ("preset", self.preset.as_str()),
+            ("zone", zone),
+        ] {
+            if text.len() > MAX_TEXT_BYTES {
+                return Err(Error::new(
+                    ErrorKind::Config,
+                    format!("the map's {what} is longer than {MAX_TEXT_BYTES} bytes"),
+                ));
+            }
+        }
+        Ok(())
     }
 }

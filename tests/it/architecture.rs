@@ -33,9 +33,12 @@ const ROOMS: [(&str, u32); 11] = [
 const TIMELESS: [&str; 4] = ["error", "Error", "ErrorKind", "Result"];
 const VISION: [&str; 2] = ["feature", "matching"];
 
+/// The room that says what rows mean, and no other, may name the crate that keeps them.
+const KEPT: &str = "map";
+
 /// Where `unsafe` may stand: vector instructions, and the mapping of files into memory.
 const UNSAFE_ROOM: &str = "src/simd/";
-const UNSAFE_MODULE: &str = "src/map/mapped.rs";
+const UNSAFE_MODULE: &str = "crates/store/src/mapped.rs";
 /// And in which tests: one counts allocations, one is a file system for SQLite.
 const UNSAFE_TESTS: [&str; 2] = ["tests/allocation.rs", "tests/it/faulty_disk.rs"];
 
@@ -113,6 +116,10 @@ fn a_forbidden_path_is_found() {
         violations("src/feature/mod.rs", "use fremen::{Error, Result};"),
         0
     );
+    // Only the map knows the store.
+    let source = "use chronotope_store::Store;";
+    assert_eq!(violations("src/map/file/map.rs", source), 0);
+    assert_eq!(violations("src/localize/mod.rs", source), 1);
     // What does not count.
     assert_eq!(
         violations(
@@ -294,6 +301,9 @@ fn judge(path: &str, source: &str) -> (usize, Vec<String>) {
                 "{path}: room `{own}` must not name `fremen::{name}`"
             ));
         }
+    }
+    if own != KEPT && words(&code).any(|word| word == "chronotope_store") {
+        violations.push(format!("{path}: room `{own}` must not name the store"));
     }
     (rooms.len() + of_time.len(), violations)
 }

@@ -49,6 +49,22 @@ fn the_golden_map_comes_back_with_its_digest_and_a_folder_is_never_overwritten()
     let back = Snapshot::import(&path).expect("sound");
     assert_eq!(back.digest(), golden.digest());
     assert_eq!(back.nodes, golden.nodes);
+    // Whatever the format, the same content gives the same bytes.
+    let again = folder.path().join("again");
+    let of_format_3 = Map::open_read_only(fixture("maps/golden/format-3.map")).expect("a map");
+    (of_format_3.at(5).expect("kept").export(&again)).expect("new");
+    for entry in fs::read_dir(&path).expect("readable") {
+        let file = entry.expect("readable").path();
+        if file.is_file() {
+            let other = again.join(file.file_name().expect("a file"));
+            assert_eq!(
+                fs::read(&file).ok(),
+                fs::read(other).ok(),
+                "{}",
+                file.display()
+            );
+        }
+    }
     let error = golden.export(&path).expect_err("not empty");
     assert_eq!(error.kind(), ErrorKind::Io);
     assert!(error.to_string().contains("not empty"), "{error}");

@@ -1,17 +1,18 @@
 //! Is a map whole whatever the disk does while it is written?
 //!
-//! A file system for SQLite that breaks its promises: the tables of functions of the default one, with writing,
-//! syncing, deleting and opening replaced. It is the default of a process of its own, which is this program started
-//! again, so that nobody else meets it. The n-th operation of a kind goes wrong, for every n until nothing does:
+//! A file system for SQLite that breaks its promises: the tables of functions of the default one,
+//! with writing, syncing, deleting and opening replaced. It is the default of a process of its own,
+//! which is this program started again, so that nobody else meets it. The n-th operation of a kind
+//! goes wrong, for every n until nothing does:
 //!
 //! - it *fails*: nothing is written, synced or deleted, and that is said;
 //! - it is *short*: half of it is written, and the disk is full;
 //! - it is *torn*: half of it is written, and the machine stops;
-//! - the *power* goes: of every file only what was last synced is there, and a file whose deletion was not synced is
-//!   back.
+//! - the *power* goes: of every file only what was last synced is there, and a file whose deletion was
+//!   not synced is back.
 //!
-//! The first two happen once or go on until the map is closed. Afterwards the map opens as the old or the new
-//! generation, `verify` finds nothing, and what was acknowledged is there.
+//! The first two happen once or go on until the map is closed. Afterwards the map opens as the old
+//! or the new generation, `verify` finds nothing, and what was acknowledged is there.
 #![allow(unsafe_code)] // reason: a file system for SQLite is a table of C functions.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -37,7 +38,7 @@ enum Fault {
     PowerGoes,
 }
 
-/// What SQLite asks of the disk.
+/// What SQLite does to the disk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Operation {
     Write,
@@ -73,9 +74,11 @@ type Methods = &'static ffi::sqlite3_io_methods;
 
 struct Disk {
     plan: Option<Plan>,
-    /// The functions that each open file has by rights, and its path if it has a name, by its address.
+    /// The functions that each open file has by rights, and its path if it has a name, by its
+    /// address.
     files: BTreeMap<usize, (Methods, Option<PathBuf>)>,
-    /// Ours, by the address of the tables that they replace: a journal's is another one than a map's.
+    /// Ours, by the address of the tables that they replace: a journal's is another one than a
+    /// map's.
     replaced: BTreeMap<usize, Methods>,
     /// Where what is synced is copied to.
     synced: Option<PathBuf>,
@@ -131,7 +134,8 @@ unsafe extern "C" fn open(
     out_flags: *mut c_int,
 ) -> c_int {
     let real = real();
-    // SAFETY: `real` is the registered default; the arguments are those that SQLite gave for a file of its size.
+    // SAFETY: `real` is the registered default; the arguments are those that SQLite gave for a file
+    // of its size.
     let result = unsafe {
         (*real).xOpen.expect("every file system opens")(real, name, file, flags, out_flags)
     };
@@ -157,7 +161,7 @@ unsafe extern "C" fn open(
             ..*methods
         }))
     });
-    // SAFETY: the functions of the table ask nothing of it but that it lives on, and it does.
+    // SAFETY: the functions of the table need nothing of it but that it lives on, and it does.
     unsafe { (*file).pMethods = ours };
     result
 }
@@ -233,8 +237,8 @@ unsafe extern "C" fn delete(
 
 /// Makes it the file system of this process.
 fn mount() {
-    // SAFETY: SQLite's tables live as long as the program, and so does the copy, which is never freed. Nothing
-    // else of this process uses SQLite yet.
+    // SAFETY: SQLite's tables live as long as the program, and so does the copy, which is never
+    // freed. Nothing else of this process uses SQLite yet.
     unsafe {
         let real = ffi::sqlite3_vfs_find(std::ptr::null());
         assert!(!real.is_null(), "SQLite has a file system");

@@ -10,7 +10,9 @@ use chronotope::learn::{
     forget_session,
 };
 use chronotope::localize::{Decision, Localizer, LocalizerConfig, Preset, Query};
-use chronotope::map::{ClockFault, Doubt, Held, MapMeta, SessionId, Snapshot, derived_uuid};
+use chronotope::map::{
+    ClockFault, MapMeta, Quarantine, QuarantineReason, SessionId, Snapshot, derived_uuid,
+};
 use chronotope::{ErrorKind, Time};
 
 const NUM_PLACES: usize = 4;
@@ -86,7 +88,8 @@ fn clean() -> &'static Snapshot {
     })
 }
 
-/// A session that says "place 0" whatever it sees: images of the next place, then of a covered camera.
+/// A session that says "place 0" whatever it sees: images of the next place, then of a covered
+/// camera.
 fn poison() -> Vec<Seen> {
     let mut images = Vec::new();
     for (number, &time) in (5..).zip(&schedule().learn) {
@@ -133,8 +136,10 @@ fn a_poisoned_session_changes_nothing_with_the_guard_and_harms_without_it() {
     for it in &poison {
         let learnt = observe(&mut learner, "poison", it).expect("fits");
         match learnt.doubt {
-            Some(Doubt::Blind { gray_range, .. }) => assert_eq!(gray_range, Some((0, 3))),
-            Some(Doubt::Disagreement {
+            Some(QuarantineReason::Blind { gray_range, .. }) => {
+                assert_eq!(gray_range, Some((0, 3)));
+            }
+            Some(QuarantineReason::Disagreement {
                 agreement,
                 threshold,
                 expected,
@@ -150,7 +155,7 @@ fn a_poisoned_session_changes_nothing_with_the_guard_and_harms_without_it() {
     let guarded = learner.snapshot().expect("in step");
     assert_eq!(guarded.nodes, clean().nodes);
     assert_eq!(
-        Held::of(&guarded).expect("readable").visits().len(),
+        Quarantine::of(&guarded).expect("readable").visits().len(),
         poison.len()
     );
     assert_eq!(answers(&guarded).0, before);
@@ -209,7 +214,7 @@ fn honest_visits_are_rarely_held_and_can_be_accepted_or_rejected() {
     let [first, second] = [(); 2].map(|()| learner.snapshot().expect("in step"));
     let value = |of: &Snapshot| Arc::clone(&of.attachments["held"]);
     assert!(Arc::ptr_eq(&value(&first), &value(&second)), "written once");
-    assert_eq!(Held::of(&second).expect("ours"), *learner.held());
+    assert_eq!(Quarantine::of(&second).expect("ours"), *learner.held());
     let mut other = Learner::resume(
         LearnConfig::default(),
         Snapshot::clone(&learner.snapshot().expect("in step")),
@@ -279,8 +284,10 @@ fn a_time_that_cannot_be_right_is_held_refused_or_ignored_as_wished() {
         Learner::resume(cfg, clean().clone()).expect("sound")
     };
     let held = observe(&mut learner(ClockPolicy::Hold), "unset", &unset).expect("held");
-    let is_unset =
-        |doubt: &Doubt| matches!(doubt, Doubt::Clock { fault, .. } if *fault == ClockFault::Unset);
+    let is_unset = |reason: &QuarantineReason| match reason {
+        QuarantineReason::Clock { fault, .. } => *fault == ClockFault::Unset,
+        _ => false,
+    };
     assert!(held.doubt.as_ref().is_some_and(is_unset));
     let error = observe(&mut learner(ClockPolicy::Refuse), "unset", &unset).expect_err("refused");
     assert_eq!(error.kind(), ErrorKind::Time);

@@ -1,4 +1,5 @@
-//! Localising in maps of many places: candidates against the exact answer, batches against single answers.
+//! Localising in maps of many places: candidates against the exact answer, batches against single
+//! answers.
 
 use std::sync::{Arc, OnceLock};
 

@@ -1,4 +1,5 @@
-//! A map that lives long: bounded, the same by whatever steps it was learnt, read while it is written.
+//! A map that lives long: bounded, the same by whatever steps it was learnt, read while it is
+//! written.
 
 use std::sync::Arc;
 
@@ -7,7 +8,9 @@ use chronotope::learn::{
     BudgetConfig, GuardConfig, Judge, KeepAppearances, LearnConfig, Learner, Observation, merge,
 };
 use chronotope::localize::{Decision, Localizer, LocalizerConfig, Preset, Query};
-use chronotope::map::{Doubt, Map, MapMeta, PlaceKey, SessionId, Snapshot, derived_uuid};
+use chronotope::map::{
+    Map, MapMeta, PlaceKey, QuarantineReason, SessionId, Snapshot, derived_uuid,
+};
 use chronotope::{Period, Time};
 use proptest::prelude::*;
 
@@ -37,8 +40,8 @@ fn push(live: &mut Features, number: u64) {
     live.push(keypoint, Descriptor([bits(1), bits(2), bits(3), bits(4)]));
 }
 
-/// What visit `number` sees of one of two places: 40 features that last, 20 by day or by night, and 15 that are
-/// never seen again.
+/// What visit `number` sees of one of two places: 40 features that last, 20 by day or by night, and
+/// 15 that are never seen again.
 fn image(place: u64, number: u64) -> Features {
     let mut live = Features::new();
     let base = 1_000_000 * place;
@@ -179,7 +182,7 @@ fn a_place_that_is_often_not_recognised_still_refuses_what_is_another() {
     let mut learner = Learner::resume(LearnConfig::default(), learnt).expect("sound");
     let doubt = observe(&mut learner, 50, &image(1, 50)).doubt;
     let looks_like = match &doubt {
-        Some(Doubt::Disagreement { looks_like, .. }) => looks_like.clone(),
+        Some(QuarantineReason::Disagreement { looks_like, .. }) => looks_like.clone(),
         _ => None,
     };
     assert_eq!(looks_like, Some(place(1)), "{doubt:?}");

@@ -97,6 +97,38 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
+/// What a budget may do to one place: which of its visits and features it keeps.
+#[derive(Clone, Debug)]
+struct Forget {
+    place: u8,
+    visits: Vec<bool>,
+    features: Vec<bool>,
+}
+
+fn forget() -> impl Strategy<Value = Forget> {
+    let bits = || proptest::collection::vec(any::<bool>(), 1..9);
+    (0..4_u8, bits(), bits()).prop_map(|(place, visits, features)| Forget {
+        place,
+        visits,
+        features,
+    })
+}
+
+fn repeated(bits: &[bool], len: usize) -> Vec<bool> {
+    (0..len).map(|i| bits[i % bits.len()]).collect()
+}
+
+fn lose(snapshot: &mut Snapshot, forget: &Forget) {
+    let Some(id) = snapshot.find(&place(forget.place)) else {
+        return;
+    };
+    let node = snapshot.node(id);
+    let visits = repeated(&forget.visits, node.visits.len());
+    let features = repeated(&forget.features, node.features.len());
+    let (node, _) = node.retained(&visits, &features).expect("in step");
+    snapshot.nodes[id.0 as usize] = Arc::new(node);
+}
+
 fn place(number: u8) -> PlaceKey {
     PlaceKey::new(&format!("place {number} ✓")).expect("valid")
 }
@@ -177,6 +209,24 @@ pub(crate) fn meta() -> MapMeta {
     }
 }
 
+/// What is seen in an image of a run, one an hour.
+pub(crate) fn observation(
+    place: PlaceKey,
+    number: u64,
+    features: &Features,
+    image_size: (u32, u32),
+) -> Observation<'_> {
+    Observation {
+        place,
+        session: SessionId::derive("run"),
+        time: Time::from_s(number as i64 * 3600),
+        features,
+        image_size,
+        mask: None,
+        source: format!("{number}.png"),
+    }
+}
+
 /// In memory where there is such a folder: every commit waits for the disk.
 pub(crate) fn folder() -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir_in("/dev/shm")
@@ -234,14 +284,16 @@ proptest! {
 
     #[test]
     fn every_generation_can_be_returned_to_and_nothing_is_lost(
-        steps in proptest::collection::vec((step(), proptest::option::of(0..100_u64)), 1..12),
+        steps in proptest::collection::vec(
+            (step(), proptest::option::of(0..100_u64), proptest::option::of(forget())), 1..12
+        ),
         keep in any::<u64>(),
     ) {
         let (_folder, path) = folder();
         let map = Map::create(&path, meta()).expect("new");
         let reader = Map::open_read_only(&path).expect("is a map");
         let mut known = vec![map.snapshot()];
-        for (number, (step, back)) in steps.iter().enumerate() {
+        for (number, (step, back, forget)) in steps.iter().enumerate() {
             if let Some(back) = back {
                 let to = back % known.len() as u64;
                 let generation = map.rollback(to).expect("there");
@@ -254,8 +306,17 @@ proptest! {
             }
             let mut snapshot = Snapshot::clone(&map.snapshot());
             take(&mut snapshot, number as u64, step);
-            if map.commit(&snapshot).expect("extends") == known.len() as u64 {
+            if let Some(forget) = forget {
+                lose(&mut snapshot, forget);
+            }
+            let parent = map.snapshot().generation;
+            let generation = map.replace(&snapshot).expect("stored");
+            prop_assert!(same(&map.snapshot(), &snapshot));
+            if generation == known.len() as u64 {
                 known.push(map.snapshot());
+                // What a place forgets does not write the map anew.
+                let generations = map.generations().expect("readable");
+                prop_assert_eq!(generations.last().expect("some").parent, Some(parent));
             }
             prop_assert_eq!(reader.refresh().expect("sound"), map.snapshot());
         }
@@ -272,6 +333,7 @@ proptest! {
         let report = Map::verify(&path).expect("is a map");
         prop_assert!(report.is_clean(), "{:?}", report.faults);
         // What is kept stays what it was, for those who have the file open, too.
+        let prunes_all = keep % 4 == 0;
         let keep = known.iter().map(|it| it.generation).filter(|it| keep >> it & 1 == 1);
         let keep: BTreeSet<u64> = keep.collect();
         let pruned = reopened.prune(&keep).expect("sound");
@@ -285,6 +347,17 @@ proptest! {
         prop_assert_eq!(Map::open(&path).expect("is a map").snapshot(), map.snapshot());
         let report = Map::verify(&path).expect("is a map");
         prop_assert!(report.is_clean(), "{:?}", report.faults);
+        if prunes_all {
+            // Pruned to its last generation, it is the map that was written at once.
+            reopened.prune(&BTreeSet::new()).expect("sound");
+            let other = path.with_extension("other");
+            let at_once = Map::create(&other, meta()).expect("new");
+            at_once.commit(&map.snapshot()).expect("extends");
+            let report = Map::verify(&path).expect("is a map");
+            prop_assert!(report.is_clean(), "{:?}", report.faults);
+            prop_assert_eq!(report.digest, Map::verify(&other).expect("is a map").digest);
+            return Ok(());
+        }
         let mut snapshot = Snapshot::clone(&map.snapshot());
         take(&mut snapshot, 999, &Step::Zone(map.snapshot().meta.zone.is_none()));
         if pruned.num_dropped > 0 {
@@ -427,22 +500,15 @@ fn push_visit_refuses_bits_for_other_experiences_and_changes_nothing() {
     assert!(node.check().is_ok());
 }
 
-/// The reference recipe writes its log when all images are known: every feature is in the row of the
-/// first visit, whether it was seen there or not.
+/// The reference recipe writes its log when all images are known: every feature is in the row of
+/// the first visit, whether it was seen there or not.
 #[test]
 fn a_map_whose_features_all_come_with_the_first_visit_is_kept() {
     let observe = |learner: &mut Learner, numbers: std::ops::Range<u64>| {
         for number in numbers {
             let live = features(number / 4 % 3, 40);
-            let seen = Observation {
-                place: place((number % 2) as u8),
-                session: SessionId::derive("run"),
-                time: Time::from_s(number as i64 * 3600),
-                features: &live,
-                image_size: (752, 480),
-                mask: None,
-                source: format!("{number}.png"),
-            };
+            let key = place((number % 2) as u8);
+            let seen = observation(key, number, &live, (752, 480));
             learner.observe(&seen).expect("fits");
         }
         learner.snapshot().expect("in step")
@@ -613,8 +679,8 @@ pub(crate) fn after_commits(start: &Snapshot, from: u64, to: u64) -> Snapshot {
     snapshot
 }
 
-/// Starts one test of this program again as another process, which finds `path` in `variable`; gives it and
-/// the lines that it prints.
+/// Starts one test of this program again as another process, which finds `path` in `variable`;
+/// gives it and the lines that it prints.
 pub(crate) fn start_again(
     test: &str,
     variable: &str,
@@ -1017,6 +1083,114 @@ fn replacing_writes_what_a_commit_refuses_and_keeps_the_past() {
     assert!(Map::verify(&path).expect("a map").is_clean());
 }
 
+/// A map of many places, each with a few visits.
+fn many_places(path: &Path, num_places: u8) -> (Map, Snapshot) {
+    let map = Map::create(path, meta()).expect("new");
+    let mut snapshot = Snapshot::clone(&map.snapshot());
+    for number in 0..u64::from(num_places) * 3 {
+        let step = Step::Visit {
+            place: (number % u64::from(num_places)) as u8,
+            born: 20,
+            seen: vec![true, false, true],
+            hidden: None,
+            located_by: vec![true],
+            kept: number % 2 == 0,
+        };
+        take(&mut snapshot, number, &step);
+    }
+    map.commit(&snapshot).expect("extends");
+    (map, snapshot)
+}
+
+#[test]
+fn a_place_that_forgets_is_written_anew_alone() {
+    const NUM_PLACES: u8 = 100;
+    let (_folder, path) = folder();
+    let (map, before) = many_places(&path, NUM_PLACES);
+    let reader = Map::open_read_only(&path).expect("is a map");
+    let num_bytes = || std::fs::metadata(&path).expect("there").len();
+    let num_bytes_before = num_bytes();
+    let mut after = before.clone();
+    let forgets = |place| Forget {
+        place,
+        visits: vec![true, false, true],
+        features: vec![true, true, true, false],
+    };
+    lose(&mut after, &forgets(7));
+    assert!(map.commit(&after).is_err());
+    assert_eq!(map.replace(&after).expect("stored"), 2);
+    let grown = num_bytes() - num_bytes_before;
+    assert!(
+        grown < num_bytes_before / 10,
+        "{grown} of {num_bytes_before}"
+    );
+    // Once more, with a visit of another place, one that moves there, and one place that loses all.
+    lose(&mut after, &forgets(8));
+    let moved = after.nodes[9].visits[2].clone();
+    lose(
+        &mut after,
+        &Forget {
+            place: 9,
+            visits: vec![true, true, false],
+            ..forgets(9)
+        },
+    );
+    lose(
+        &mut after,
+        &Forget {
+            place: 10,
+            visits: vec![false],
+            ..forgets(10)
+        },
+    );
+    let node = after.node_mut(chronotope::map::NodeId(3));
+    let (seen, located_by) = (
+        BitRow::zeros(node.features.len()),
+        node.unlocated(moved.appearance_use),
+    );
+    (node.push_visit(moved, &Features::new(), seen, None, located_by)).expect("in step");
+    assert_eq!(map.replace(&after).expect("stored"), 3);
+    assert!(same(&reader.refresh().expect("sound"), &after));
+    assert!(same(&Map::open(&path).expect("a map").snapshot(), &after));
+    assert!(same(&map.at(1).expect("kept"), &before));
+    let report = Map::verify(&path).expect("a map");
+    assert!(report.is_clean(), "{:?}", report.faults);
+    // Back, and forward on another branch, where the place can forget something else.
+    assert_eq!(map.rollback(1).expect("there"), 4);
+    let mut other = before.clone();
+    lose(&mut other, &forgets(7));
+    lose(&mut other, &forgets(11));
+    assert_eq!(map.replace(&other).expect("stored"), 5);
+    assert!(same(&map.at(3).expect("kept"), &after));
+    let pruned = map.prune(&BTreeSet::from([3])).expect("sound");
+    assert_eq!(pruned.num_dropped, 2);
+    for map in [&map, &reader, &Map::open(&path).expect("a map")] {
+        assert!(same(&map.refresh().expect("sound"), &other));
+        assert!(same(&map.at(3).expect("kept"), &after));
+        assert!(same(&map.at(1).expect("where lines part"), &before));
+    }
+    let report = Map::verify(&path).expect("a map");
+    assert!(report.is_clean(), "{:?}", report.faults);
+    // All alone it is what it would be at once.
+    map.prune(&BTreeSet::new()).expect("sound");
+    let at_once = Map::create(path.with_extension("other"), meta()).expect("new");
+    at_once.commit(&other).expect("extends");
+    let digest = |map: &Map| {
+        map.generations()
+            .expect("readable")
+            .last()
+            .map(|it| it.digest)
+    };
+    assert_eq!(digest(&map), digest(&at_once));
+    let at_once = std::fs::metadata(at_once.path()).expect("there").len();
+    assert!(
+        num_bytes() <= at_once + 8192,
+        "{} and {at_once}",
+        num_bytes()
+    );
+    assert!(Map::verify(&path).expect("a map").is_clean());
+}
+
 #[test]
 fn pruning_a_branch_away_makes_the_file_smaller() {
     let (_folder, path) = folder();
@@ -1218,7 +1392,42 @@ fn golden_map_of_format_2_still_opens() {
     let report = Map::verify(&path).expect("a map");
     assert!(report.is_clean(), "{:?}", report.faults);
     assert_eq!(std::fs::read(&path).expect("there"), bytes);
-    // Today's maps still are of format 2, or this test needs a sister.
+}
+
+/// The content of `maps/golden/format-3.map`: never to be changed.
+fn golden_3() -> Snapshot {
+    let mut snapshot = golden_2();
+    let door = &snapshot.nodes[0];
+    let features = repeated(&[true, true, false], door.features.len());
+    let (door, _) = (door.retained(&[false, true, true], &features)).expect("in step");
+    snapshot.nodes[0] = Arc::new(door);
+    snapshot
+}
+
+#[test]
+fn golden_map_of_format_3_still_opens() {
+    let path = golden_path(3);
+    let bytes = std::fs::read(&path).expect("committed");
+    assert!(bytes.len() < 96 * 1024);
+    let map = Map::open_read_only(&path).expect("a map for ever");
+    let snapshot = map.snapshot();
+    assert!(same(&snapshot, &golden_3()));
+    assert_eq!(snapshot.generation, 6);
+    assert_eq!(
+        hex(snapshot.digest()),
+        "575fc21e4215477c5c0f7de4fe22979b088c78947ecc418ea9851e4dee1e15db"
+    );
+    let parents: Vec<_> = (map.generations().expect("readable").iter())
+        .map(|it| it.parent)
+        .collect();
+    let expected = [None, Some(0), Some(1), Some(2), Some(2), Some(4), Some(5)];
+    assert_eq!(parents, expected);
+    assert!(same(&map.at(2).expect("there"), &golden()));
+    assert!(same(&map.at(5).expect("there"), &golden_2()));
+    let report = Map::verify(&path).expect("a map");
+    assert!(report.is_clean(), "{:?}", report.faults);
+    assert_eq!(std::fs::read(&path).expect("there"), bytes);
+    // Today's maps still are of format 3, or this test needs a sister.
     let (_folder, path) = folder();
     write_golden(&path);
     let today = Map::open(&path).expect("a map");
@@ -1227,6 +1436,27 @@ fn golden_map_of_format_2_still_opens() {
         today.generations().expect("readable"),
         map.generations().expect("readable")
     );
+}
+
+/// In format 2 a place that forgot was written with all of the map; from the first commit on it is
+/// alone.
+#[test]
+fn a_map_of_format_2_becomes_one_of_today_at_its_first_commit() {
+    let (_folder, path) = folder();
+    std::fs::copy(golden_path(2), &path).expect("writable");
+    let map = Map::open(&path).expect("a map");
+    let reader = Map::open_read_only(&path).expect("a map");
+    let generations = map.generations().expect("readable");
+    assert_eq!(map.replace(&golden_3()).expect("stored"), 6);
+    assert_eq!(reader.refresh().expect("sound"), map.snapshot());
+    assert_eq!(map.generations().expect("readable")[..6], generations);
+    assert_eq!(map.generations().expect("readable")[6].parent, Some(5));
+    assert!(same(&reader.at(5).expect("there"), &golden_2()));
+    assert!(same(&reader.at(2).expect("there"), &golden()));
+    let known = Map::open_read_only(golden_path(3)).expect("a map");
+    assert_eq!(map.snapshot(), known.snapshot());
+    let report = Map::verify(&path).expect("a map");
+    assert!(report.is_clean(), "{:?}", report.faults);
 }
 
 fn write_golden(path: &Path) {
@@ -1260,20 +1490,23 @@ fn write_golden(path: &Path) {
     map.rollback_at(2, Time::from_s(5)).expect("there");
     map.commit_at(&golden_2(), Time::from_s(6))
         .expect("extends");
+    // A place that forgets.
+    map.replace_at(&golden_3(), Time::from_s(7))
+        .expect("stored");
 }
 
-/// For a new format, `CHRONOTOPE_WRITE_GOLDEN=1 cargo test --test it golden_map_is_written` writes into
-/// `maps/golden`, where it overwrites nothing; otherwise into a temporary folder.
+/// For a new format, `CHRONOTOPE_WRITE_GOLDEN=1 cargo test --test it golden_map_is_written` writes
+/// into `maps/golden`, where it overwrites nothing; otherwise into a temporary folder.
 #[test]
 fn golden_map_is_written() {
     if std::env::var_os("CHRONOTOPE_WRITE_GOLDEN").is_some() {
-        return write_golden(&golden_path(2));
+        return write_golden(&golden_path(3));
     }
     let dir = tempfile::tempdir().expect("temporary folder");
     let path = dir.path().join("golden.map");
     write_golden(&path);
     let written = Map::open(&path).expect("opens").snapshot();
-    let known = Map::open_read_only(golden_path(2))
+    let known = Map::open_read_only(golden_path(3))
         .expect("opens")
         .snapshot();
     assert_eq!(written, known);

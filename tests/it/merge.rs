@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use chronotope::feature::{Descriptor, Features, Keypoint};
-use chronotope::learn::{KeepAppearances, LearnConfig, Learner, Observation, merge, relearn};
+use chronotope::learn::{KeepAppearances, LearnConfig, Learner, merge, relearn};
 use chronotope::localize::Preset;
 use chronotope::map::{
-    AppearanceUse, Doubt, Edge, Held, HeldVisit, MapMeta, Node, PlaceKey, Reobservation, SessionId,
-    Snapshot, Visit, VisitId, derived_uuid,
+    AppearanceUse, Edge, MapMeta, Node, PlaceKey, Quarantine, QuarantineReason, QuarantinedVisit,
+    Reobservation, SessionId, Snapshot, Visit, VisitId, derived_uuid,
 };
 use chronotope::visibility::{BitRow, Observation as Statement};
 use chronotope::{ErrorKind, Time};
@@ -186,10 +186,10 @@ proptest! {
                 let id = VisitId(u128::from(key == place(1)) * 1000 + number);
                 for feature in 0..24 {
                     // Seen is the smallest, then not seen; not observable is no statement.
-                    let told = |map| statement(map, &key, id, feature)
+                    let stated = |map| statement(map, &key, id, feature)
                         .filter(|it| *it != Statement::NotObservable);
-                    let both = told(&a).into_iter().chain(told(&b)).min_by_key(|it| *it as u8);
-                    prop_assert_eq!(told(&merged), both);
+                    let both = stated(&a).into_iter().chain(stated(&b)).min_by_key(|it| *it as u8);
+                    prop_assert_eq!(stated(&merged), both);
                 }
             }
         }
@@ -264,15 +264,8 @@ fn learn(visits: std::ops::Range<u64>, only: impl Fn(u64) -> bool) -> Snapshot {
             };
             live.push(keypoint, Descriptor([word, !word, word << 7, word >> 5]));
         }
-        let observation = Observation {
-            place: place((number % 2) as u8),
-            session: SessionId::derive("run"),
-            time: Time::from_s(number as i64 * 3600),
-            features: &live,
-            image_size: (640, 480),
-            mask: None,
-            source: format!("{number}.png"),
-        };
+        let key = place((number % 2) as u8);
+        let observation = crate::map::observation(key, number, &live, (640, 480));
         learner.observe(&observation).expect("fits");
     }
     Snapshot::clone(&learner.snapshot().expect("in step"))
@@ -295,8 +288,8 @@ fn learning_a_union_again_is_learning_it_at_once() {
     // Two robots' features of one thing are two until they are learnt again.
     assert!(parts.summary().num_features > whole.summary().num_features);
     let mut parts = parts;
-    let mut held = Held::default();
-    held.push(HeldVisit {
+    let mut held = Quarantine::default();
+    held.push(QuarantinedVisit {
         place: place(0),
         id: VisitId(7),
         session: SessionId::derive("run"),
@@ -304,7 +297,7 @@ fn learning_a_union_again_is_learning_it_at_once() {
         source: "covered.png".into(),
         image_size: (640, 480),
         mask: None,
-        doubt: Doubt::Blind {
+        reason: QuarantineReason::Blind {
             num_features: 0,
             gray_range: None,
         },
@@ -312,7 +305,7 @@ fn learning_a_union_again_is_learning_it_at_once() {
     });
     held.attach(&mut parts).expect("fits");
     let again = relearn(cfg.clone(), &parts).expect("all are kept");
-    assert_eq!(Held::of(&again).expect("readable"), held);
+    assert_eq!(Quarantine::of(&again).expect("readable"), held);
     assert!(again.nodes == whole.nodes);
     assert!(relearn(cfg.clone(), &again).expect("all are kept") == again);
     let grouped = merge(&[&relearn(cfg.clone(), &early).expect("kept"), &again]).expect("same");

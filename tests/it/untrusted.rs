@@ -15,7 +15,7 @@ use chronotope::learn::{LearnConfig, Learner, Observation};
 use chronotope::localize::{
     Localizer, LocalizerConfig, Method, MotionConfig, Preset, Query, Score,
 };
-use chronotope::map::{Held, Map, MapMeta, SessionId, Snapshot, read_file_storage};
+use chronotope::map::{Map, MapMeta, Quarantine, SessionId, Snapshot, read_file_storage};
 use chronotope::trace::Trace;
 use serde::de::DeserializeOwned;
 
@@ -72,13 +72,13 @@ fn repository(path: &str) -> PathBuf {
 fn golden() -> &'static Snapshot {
     static GOLDEN: OnceLock<Snapshot> = OnceLock::new();
     GOLDEN.get_or_init(|| {
-        let map = Map::open_read_only(repository("maps/golden/format-2.map")).expect("a map");
+        let map = Map::open_read_only(repository("maps/golden/format-3.map")).expect("a map");
         Snapshot::clone(&map.snapshot())
     })
 }
 
-/// Asks `snapshot` for what its own places looked like.
-fn ask(snapshot: &Arc<Snapshot>, cfg: &LocalizerConfig) {
+/// Queries `snapshot` with what its own places looked like.
+fn query_own_places(snapshot: &Arc<Snapshot>, cfg: &LocalizerConfig) {
     let Ok(localizer) = Localizer::new(Arc::clone(snapshot), cfg.clone()) else {
         return;
     };
@@ -147,7 +147,7 @@ pub(crate) fn config(bytes: &[u8]) {
     match first / 2 % 4 {
         0 => {
             if let Some(cfg) = read::<LocalizerConfig>(text, is_json) {
-                ask(&Arc::new(golden().clone()), &cfg);
+                query_own_places(&Arc::new(golden().clone()), &cfg);
             }
         }
         1 => {
@@ -187,11 +187,11 @@ pub(crate) fn attachment(bytes: &[u8]) {
     let mut snapshot = golden().clone();
     snapshot.attachments.clear();
     snapshot.attachments.insert(name.into(), bytes.into());
-    if let Ok(held) = Held::of(&snapshot) {
+    if let Ok(held) = Quarantine::of(&snapshot) {
         let mut again = golden().clone();
         held.attach(&mut again)
             .expect("what was read can be written");
-        assert_eq!(Held::of(&again).expect("ours"), held);
+        assert_eq!(Quarantine::of(&again).expect("ours"), held);
         if let Ok(mut learner) = Learner::resume(LearnConfig::default(), snapshot.clone()) {
             for visit in held.visits() {
                 let _ = learner.accept(visit.id);
@@ -202,7 +202,7 @@ pub(crate) fn attachment(bytes: &[u8]) {
         }
     }
     if name == "calibration" {
-        ask(
+        query_own_places(
             &Arc::new(snapshot),
             &LocalizerConfig::preset(Preset::Default),
         );
@@ -310,8 +310,8 @@ pub(crate) fn exported_folder(bytes: &[u8]) {
     }
 }
 
-/// What query forms are made for, as the first byte of an input of [`query_form`] numbers them; it is not looked at
-/// otherwise, since a fuzzer gets behind the head of the file.
+/// What query forms are made for, as the first byte of an input of [`query_form`] numbers them; it
+/// is not looked at otherwise, since a fuzzer gets behind the head of the file.
 fn query_form_cfgs() -> [LocalizerConfig; 4] {
     let default = LocalizerConfig::preset(Preset::Default);
     // Quick to make anew, which is what most inputs lead to.

@@ -12,7 +12,7 @@ use super::output::Output;
 use super::{Outcome, preset_of};
 use chronotope::error::{Error, ErrorKind};
 use chronotope::learn::{Learner, forget_session};
-use chronotope::map::{Held, HeldVisit, Map, SessionId, Snapshot, VisitId};
+use chronotope::map::{Map, Quarantine, QuarantinedVisit, SessionId, Snapshot, VisitId};
 
 /// List the visits that a map holds without having learnt them, each with the reason.
 ///
@@ -98,8 +98,8 @@ pub(super) fn held(args: &HeldArgs, out: &mut Output) -> Result<Outcome> {
                 "time": it.time.to_string(),
                 "source": it.source,
                 "num_features": it.features.len(),
-                "doubt": it.doubt,
-                "reason": it.doubt.to_string(),
+                "doubt": it.reason,
+                "reason": it.reason.to_string(),
             }))?;
         } else {
             let id = it.id.to_string();
@@ -109,7 +109,7 @@ pub(super) fn held(args: &HeldArgs, out: &mut Output) -> Result<Outcome> {
                 it.time,
                 it.place,
                 it.source,
-                it.doubt
+                it.reason
             ))?;
         }
     }
@@ -184,8 +184,8 @@ fn session_of(snapshot: &Arc<Snapshot>, text: &str) -> SessionId {
     }
 }
 
-fn held_by(map: &Map) -> Result<Held> {
-    Ok(Held::of(&map.snapshot()).map_err(|error| error.with_path(map.path()))?)
+fn held_by(map: &Map) -> Result<Quarantine> {
+    Ok(Quarantine::of(&map.snapshot()).map_err(|error| error.with_path(map.path()))?)
 }
 
 impl Which {
@@ -207,7 +207,7 @@ impl Which {
 }
 
 /// The one visit whose identity begins like this.
-fn one(held: &[HeldVisit], text: &str) -> chronotope::Result<VisitId> {
+fn one(held: &[QuarantinedVisit], text: &str) -> chronotope::Result<VisitId> {
     let text = text.to_lowercase();
     let mut found = (held.iter()).filter(|it| it.id.to_string().starts_with(&text));
     let (kind, message) = match (found.next(), found.next()) {
@@ -225,7 +225,7 @@ fn one(held: &[HeldVisit], text: &str) -> chronotope::Result<VisitId> {
 }
 
 /// Says that a visit was not learnt, and why.
-pub(super) fn print_held(source: &str, doubt: &chronotope::map::Doubt, map: &Path) {
+pub(super) fn print_held(source: &str, doubt: &chronotope::map::QuarantineReason, map: &Path) {
     eprintln!(
         "held: {source}: {doubt} (`chronotope map held {}` lists all)",
         map.display()

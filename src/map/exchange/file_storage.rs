@@ -1,6 +1,7 @@
 //! What does a map of the authors' benchmark say?
 //!
-//! The reference benchmark keeps each place in a YAML file of OpenCV's `FileStorage` with the matrices
+//! The reference benchmark keeps each place in a YAML file of OpenCV's `FileStorage` with the
+//! matrices
 //!
 //! | matrix | shape | type | |
 //! |---|---|---|---|
@@ -20,7 +21,7 @@ use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
 use fremen::visibility::BitRow;
 
-use crate::map::file::format::MAX_FEATURES;
+use crate::map::limits::MAX_FEATURES;
 
 /// Numbers of one matrix, at most.
 const MAX_CELLS: usize = 1 << 28;

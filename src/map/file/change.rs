@@ -1,20 +1,22 @@
 //! What does one snapshot add to another?
 //!
 //! A commit writes only what is new, so first it is established that all the rest is as stored.
-//! Places that are shared between the snapshots ([`Arc::ptr_eq`]) are not looked at.
+//! Places that are shared between the snapshots ([`Arc::ptr_eq`]) are not looked at. A place whose
+//! past has changed is written anew, alone, where the caller wishes so ([`Rewritten`]).
 
 use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
 
-use rusqlite::Connection;
-use rusqlite::types::ValueRef;
+use chronotope_store::{ValueRef, Writer};
 
-use super::digest;
-use super::format::{self, encode_bits, encode_descriptors, encode_keypoints};
-use super::load::State;
-use super::store::{insert, insert_meta};
+use super::state::State;
+use super::tables;
 use crate::feature::{Features, FeaturesView};
-use crate::map::types::{Node, Snapshot};
+use crate::map::codec::{encode_bits, encode_descriptors, encode_keypoints};
+use crate::map::digest;
+use crate::map::node::Node;
+use crate::map::snapshot::Snapshot;
+use crate::map::types::{MapMeta, VisitId};
 use fremen::error::{Error, ErrorKind, Result};
 
 /// What a commit has to write.
@@ -22,7 +24,12 @@ use fremen::error::{Error, ErrorKind, Result};
 pub(super) struct Change {
     meta: bool,
     edges: bool,
-    /// Places with something new, ascending, each with the number of its visits that are stored.
+    /// Places that are written anew, ascending.
+    renewed: Vec<usize>,
+    /// Visits that these have stored.
+    outdated: BTreeSet<VisitId>,
+    /// Places with something new, ascending, each with the number of its visits that are stored and
+    /// stay.
     nodes: Vec<(usize, usize)>,
     /// Those among them whose pose is new, ascending.
     poses: Vec<usize>,
@@ -30,9 +37,18 @@ pub(super) struct Change {
     attachments: Vec<String>,
 }
 
+/// What to do with places that do not extend what is stored of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Rewritten {
+    /// That is an error.
+    Refused,
+    /// They are written anew, the others are not.
+    Renewed,
+}
+
 impl Change {
     /// What `next` adds to `state`; an error if it does not extend it or cannot be stored.
-    pub(super) fn between(state: &State, next: &Snapshot) -> Result<Self> {
+    pub(super) fn between(state: &State, next: &Snapshot, rewritten: Rewritten) -> Result<Self> {
         let stored = &state.snapshot;
         let meta = next.meta != stored.meta;
         if meta {
@@ -46,24 +62,73 @@ impl Change {
                 stored.nodes.len()
             )));
         }
-        let mut nodes = Vec::new();
-        let mut poses = Vec::new();
-        let mut new_ids = HashSet::new();
+        let mut change = Self {
+            meta,
+            edges: next.edges != stored.edges,
+            renewed: Vec::new(),
+            outdated: BTreeSet::new(),
+            nodes: Vec::new(),
+            poses: Vec::new(),
+            attachments: changed_attachments(stored, next),
+        };
         for (at, node) in next.nodes.iter().enumerate() {
             let before = stored.nodes.get(at);
-            if before.is_some_and(|before| Arc::ptr_eq(before, node)) {
-                continue;
+            if !before.is_some_and(|before| Arc::ptr_eq(before, node)) {
+                change.add_node(at, before.map(Arc::as_ref), node, rewritten)?;
             }
-            node.check()?;
-            let num_stored = match before {
-                Some(before) => {
-                    check_prefix(before, node)?;
-                    before.visits.len()
+        }
+        change.check_new_visits(state, next)?;
+        Ok(change)
+    }
+
+    /// Takes down what is new in one place.
+    fn add_node(
+        &mut self,
+        at: usize,
+        before: Option<&Node>,
+        node: &Node,
+        rewritten: Rewritten,
+    ) -> Result<()> {
+        node.check()?;
+        let mut num_stored = before.map_or(0, |before| before.visits.len());
+        let mut is_new = before.is_none();
+        if let Some(before) = before {
+            let fault =
+                |what: &str| does_not_extend(what).with_place(format!("place `{}`", before.key));
+            if before.key != node.key {
+                return Err(fault(&format!("it has `{}` instead", node.key)));
+            }
+            match difference(before, node) {
+                None => {}
+                Some(what) if rewritten == Rewritten::Refused => return Err(fault(&what)),
+                Some(_) => {
+                    self.renewed.push(at);
+                    self.outdated
+                        .extend(before.visits.iter().map(|visit| visit.id));
+                    num_stored = 0;
+                    is_new = true;
                 }
-                None => 0,
-            };
+            }
+        }
+        if before.and_then(|before| before.pose) != node.pose {
+            self.poses.push(at);
+            is_new = true;
+        }
+        if is_new || node.visits.len() > num_stored {
+            self.nodes.push((at, num_stored));
+        }
+        Ok(())
+    }
+
+    /// Whether no visit is there twice.
+    fn check_new_visits(&self, state: &State, next: &Snapshot) -> Result<()> {
+        let mut new_ids = HashSet::new();
+        for &(at, num_stored) in &self.nodes {
+            let node = &next.nodes[at];
             for visit in &node.visits[num_stored..] {
-                if state.visit_ids.contains(&visit.id) || !new_ids.insert(visit.id) {
+                let is_stored =
+                    state.visit_ids.contains(&visit.id) && !self.outdated.contains(&visit.id);
+                if is_stored || !new_ids.insert(visit.id) {
                     return Err(Error::new(
                         ErrorKind::Config,
                         format!("visit {} is in the map already", visit.id),
@@ -71,20 +136,21 @@ impl Change {
                     .with_place(format!("place `{}`", node.key)));
                 }
             }
-            if before.and_then(|before| before.pose) != node.pose {
-                poses.push(at);
-            }
-            if before.is_none() || node.visits.len() > num_stored || poses.last() == Some(&at) {
-                nodes.push((at, num_stored));
-            }
         }
-        Ok(Self {
-            meta,
-            edges: next.edges != stored.edges,
-            nodes,
-            poses,
-            attachments: changed_attachments(stored, next),
-        })
+        Ok(())
+    }
+
+    /// The identities of all visits after the change, of those before it and those that are new.
+    pub(super) fn visit_ids(
+        &self,
+        mut before: HashSet<VisitId>,
+        new: HashSet<VisitId>,
+    ) -> HashSet<VisitId> {
+        for id in &self.outdated {
+            before.remove(id);
+        }
+        before.extend(new);
+        before
     }
 
     /// Whether there is nothing to write.
@@ -106,6 +172,10 @@ impl Change {
         };
         after.snapshot.generation = generation;
         after.snapshot.attachments.retain(|_, it| !it.is_empty());
+        for &at in &self.renewed {
+            after.chains[at] = digest::first_link(&next.nodes[at]);
+        }
+        after.last_renewal += self.renewed.len() as i64;
         for &(at, num_stored) in &self.nodes {
             let node = &next.nodes[at];
             if at == after.chains.len() {
@@ -141,16 +211,11 @@ impl Change {
     }
 
     /// Writes the rows that lead from `before` to `after`, except that of the generation.
-    pub(super) fn write(
-        &self,
-        connection: &Connection,
-        before: &State,
-        after: &State,
-    ) -> rusqlite::Result<()> {
+    pub(super) fn write(&self, writer: &Writer<'_>, before: &State, after: &State) -> Result<()> {
         let next = &after.snapshot;
         let generation = ValueRef::Integer(next.generation as i64);
         if self.meta {
-            insert_meta(connection, next.generation, &next.meta)?;
+            insert_meta(writer, next.generation, &next.meta)?;
         }
         if self.edges {
             for (id, edge) in (before.last_edge + 1..).zip(&next.edges) {
@@ -161,8 +226,15 @@ impl Change {
                     ValueRef::Text(edge.to.as_str().as_bytes()),
                     ValueRef::Text(edge.name.as_bytes()),
                 ];
-                insert(connection, &format::EDGE, &values)?;
+                writer.insert(&tables::EDGE, &values)?;
             }
+        }
+        for (id, &at) in (before.last_renewal + 1..).zip(&self.renewed) {
+            let place = ValueRef::Integer(after.place_rows[at]);
+            writer.insert(
+                &tables::RENEWAL,
+                &[ValueRef::Integer(id), generation, place],
+            )?;
         }
         let mut visit_row = before.last_visit;
         for &(at, num_stored) in &self.nodes {
@@ -170,15 +242,11 @@ impl Change {
             let place = after.place_rows[at];
             if at >= before.snapshot.nodes.len() {
                 let key = ValueRef::Text(node.key.as_str().as_bytes());
-                insert(
-                    connection,
-                    &format::PLACE,
-                    &[ValueRef::Integer(place), generation, key],
-                )?;
+                writer.insert(&tables::PLACE, &[ValueRef::Integer(place), generation, key])?;
             }
             for visit in num_stored..node.visits.len() {
                 visit_row += 1;
-                insert_visit(connection, visit_row, generation, place, node, visit)?;
+                insert_visit(writer, visit_row, generation, place, node, visit)?;
             }
         }
         for (id, &at) in (before.last_pose + 1..).zip(&self.poses) {
@@ -188,7 +256,7 @@ impl Change {
                 ValueRef::Integer(after.place_rows[at]),
             ];
             values.extend(digest::pose_values(next.nodes[at].pose));
-            insert(connection, &format::POSE, &values)?;
+            writer.insert(&tables::POSE, &values)?;
         }
         for (id, name) in (before.last_attachment + 1..).zip(&self.attachments) {
             let value = next.attachments.get(name).map_or(&[][..], |value| value);
@@ -198,10 +266,17 @@ impl Change {
                 ValueRef::Text(name.as_bytes()),
                 ValueRef::Blob(value),
             ];
-            insert(connection, &format::ATTACHMENT, &values)?;
+            writer.insert(&tables::ATTACHMENT, &values)?;
         }
         Ok(())
     }
+}
+
+pub(super) fn insert_meta(writer: &Writer<'_>, generation: u64, meta: &MapMeta) -> Result<()> {
+    let uuid = meta.uuid.to_be_bytes();
+    let mut values = vec![ValueRef::Integer(generation as i64)];
+    values.extend(digest::meta_values(meta, &uuid));
+    writer.insert(&tables::META, &values)
 }
 
 /// The names of attachments that differ, ascending.
@@ -222,13 +297,13 @@ fn changed_attachments(stored: &Snapshot, next: &Snapshot) -> Vec<String> {
 }
 
 fn insert_visit(
-    connection: &Connection,
+    writer: &Writer<'_>,
     row: i64,
     generation: ValueRef<'_>,
     place: i64,
     node: &Node,
     number: usize,
-) -> rusqlite::Result<()> {
+) -> Result<()> {
     let visit = &node.visits[number];
     let seen = node.log.seen_row(number);
     let hidden = node.log.hidden_row(number).map(encode_bits);
@@ -241,13 +316,13 @@ fn insert_visit(
         ValueRef::Blob(&visit.session.0.to_be_bytes()),
         ValueRef::Integer(visit.time.as_us()),
         ValueRef::Text(visit.source.as_bytes()),
-        ValueRef::Text(digest::use_name(visit.appearance_use).as_bytes()),
+        ValueRef::Text(visit.appearance_use.name().as_bytes()),
         ValueRef::Integer(seen.len() as i64),
         ValueRef::Blob(&encode_bits(seen)),
         hidden.as_deref().map_or(ValueRef::Null, ValueRef::Blob),
         ValueRef::Blob(&encode_bits(node.experience_log.seen_row(number))),
     ];
-    insert(connection, &format::VISIT, &values)?;
+    writer.insert(&tables::VISIT, &values)?;
     let insert_features = |table, features: FeaturesView<'_>| {
         let values = [
             ValueRef::Integer(row),
@@ -255,7 +330,7 @@ fn insert_visit(
             ValueRef::Blob(&encode_keypoints(features.keypoints)),
             ValueRef::Blob(&encode_descriptors(features.descriptors)),
         ];
-        insert(connection, table, &values)
+        writer.insert(table, &values)
     };
     let born = node.born_at(number);
     if !born.is_empty() {
@@ -263,10 +338,10 @@ fn insert_visit(
             keypoints: &node.features.keypoints()[born.clone()],
             descriptors: &node.features.descriptors()[born],
         };
-        insert_features(&format::FEATURE, born)?;
+        insert_features(&tables::FEATURE, born)?;
     }
     match visit.appearance.as_deref().map(Features::view) {
-        Some(appearance) => insert_features(&format::APPEARANCE, appearance),
+        Some(appearance) => insert_features(&tables::APPEARANCE, appearance),
         None => Ok(()),
     }
 }
@@ -289,15 +364,11 @@ fn check_meta(stored: &Snapshot, next: &Snapshot) -> Result<()> {
     }
 }
 
-fn check_prefix(before: &Node, after: &Node) -> Result<()> {
-    let fault =
-        |what: String| Err(does_not_extend(&what).with_place(format!("place `{}`", before.key)));
-    if before.key != after.key {
-        return fault(format!("it has `{}` instead", after.key));
-    }
+/// In what `after` does not extend `before`, a place of the same name; `None` if it does.
+fn difference(before: &Node, after: &Node) -> Option<String> {
     let visits = before.visits.len();
     if after.visits.len() < visits {
-        return fault(format!(
+        return Some(format!(
             "it has {} visits where {visits} are stored",
             after.visits.len()
         ));
@@ -317,18 +388,14 @@ fn check_prefix(before: &Node, after: &Node) -> Result<()> {
             && before.log.hidden_row(at) == after.log.hidden_row(at)
             && before.experience_log.seen_row(at) == after.experience_log.seen_row(at);
         if !same {
-            return fault(format!("its visit {at} is another"));
+            return Some(format!("its visit {at} is another"));
         }
     }
     let features = before.features.len();
     let same_features = after.features.keypoints().get(..features)
         == Some(before.features.keypoints())
         && after.features.descriptors().get(..features) == Some(before.features.descriptors());
-    if same_features {
-        Ok(())
-    } else {
-        fault("its features are others".into())
-    }
+    (!same_features).then(|| "its features are others".into())
 }
 
 fn does_not_extend(what: &str) -> Error {

@@ -4,11 +4,11 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
+use chronotope_store::{ValueRef, row_crc};
 use rusqlite::Connection;
-use rusqlite::types::ValueRef;
 
 use crate::feature::{Descriptor, Features, Keypoint};
-use crate::map::file::format;
+use crate::map::file::tables;
 use crate::map::*;
 use fremen::time::Time;
 use fremen::visibility::BitRow;
@@ -98,6 +98,22 @@ fn tiny(path: &Path) -> Map {
     map
 }
 
+/// Two generations more: a place that forgets a visit and a feature is written anew, then visited
+/// again.
+fn renewed(path: &Path) -> Map {
+    let map = tiny(path);
+    let mut snapshot = Snapshot::clone(&map.snapshot());
+    let node = &snapshot.nodes[0];
+    let (forgetful, _) = node
+        .retained(&[false, true], &vec![true; node.features.len()])
+        .expect("in step");
+    snapshot.nodes[0] = Arc::new(forgetful);
+    (map.replace_at(&snapshot, Time::from_s(30))).expect("stored");
+    visit_once(&mut snapshot, "lamp", 5);
+    map.commit_at(&snapshot, Time::from_s(40)).expect("extends");
+    map
+}
+
 fn attach(snapshot: &mut Snapshot, name: &str, value: &[u8]) {
     snapshot.attachments.insert(name.into(), value.into());
 }
@@ -146,7 +162,7 @@ fn commit_is_safe(path: &Path, damaged: &[u8], expected: &Snapshot, what: &str) 
 fn every_flipped_byte_is_noticed_or_harmless() {
     let folder = in_memory();
     let path = folder.path().join("whole.map");
-    let expected = tiny(&path).snapshot();
+    let expected = renewed(&path).snapshot();
     let whole = fs::read(&path).expect("there");
     let path = folder.path().join("damaged.map");
     let mut num_refused = 0;
@@ -175,7 +191,7 @@ fn every_flipped_byte_is_noticed_or_harmless() {
 fn every_truncation_and_every_lost_or_swapped_page_is_noticed() {
     let folder = in_memory();
     let path = folder.path().join("whole.map");
-    let expected = tiny(&path).snapshot();
+    let expected = renewed(&path).snapshot();
     let whole = fs::read(&path).expect("there");
     let path = folder.path().join("damaged.map");
     for len in (0..whole.len()).step_by(61).chain([1, 99, 100, 511, 512]) {
@@ -278,7 +294,7 @@ const BY_HAND: &[(&str, &str)] = &[
     ("ALTER TABLE pose ADD COLUMN w REAL", "table pose"),
     (
         "CREATE TRIGGER t AFTER INSERT ON visit BEGIN DELETE FROM place; END",
-        "`t` is no part of format 2",
+        "`t` is no part of format 3",
     ),
 ];
 
@@ -311,6 +327,65 @@ fn rows_changed_by_hand_are_named() {
     }
 }
 
+/// The rows of a place that was written anew since are checked, too, if only by `verify`.
+#[test]
+fn what_a_renewal_leaves_behind_is_checked() {
+    let folder = in_memory();
+    let whole = folder.path().join("whole.map");
+    drop(renewed(&whole));
+    let path = folder.path().join("changed.map");
+    for (sql, opens, expected) in [
+        (
+            "DELETE FROM renewal",
+            false,
+            "visit 2 of place 1 is missing",
+        ),
+        (
+            "UPDATE renewal SET place = 3",
+            false,
+            "table renewal, row 1, column place, byte 0: ",
+        ),
+        (
+            "UPDATE renewal SET generation = 9",
+            false,
+            "table renewal, row 1",
+        ),
+        (
+            "UPDATE visit SET time_us = time_us + 1 WHERE id = 1",
+            false,
+            "table visit, row 1",
+        ),
+        (
+            "DELETE FROM feature WHERE visit = 1",
+            true,
+            "table visit, row 1",
+        ),
+        (
+            "DELETE FROM feature WHERE visit = 1; DELETE FROM visit WHERE id = 1",
+            true,
+            "visit 0 of place 1 is missing",
+        ),
+        (
+            "DROP TABLE renewal",
+            false,
+            "table renewal: the table is missing",
+        ),
+    ] {
+        fs::copy(&whole, &path).expect("writable");
+        let connection = Connection::open(&path).expect("sound");
+        connection.execute_batch(sql).expect(sql);
+        drop(connection);
+        let opened = Map::open(&path).map_err(|error| error.to_string());
+        assert_eq!(opened.is_ok(), opens, "{sql}: {opened:?}");
+        if let Err(error) = opened {
+            assert!(error.contains(expected), "{sql}: {error}");
+        }
+        let report = Map::verify(&path).expect("a map");
+        let first = report.faults.first().expect(sql).to_string();
+        assert!(first.contains(expected), "{sql}: {first}");
+    }
+}
+
 /// The checksum holds, but the bits are not one for each experience so far.
 #[test]
 fn bits_that_do_not_fit_the_experiences_are_named() {
@@ -323,16 +398,16 @@ fn bits_that_do_not_fit_the_experiences_are_named() {
         let path = folder.path().join(format!("{bits:?}.map"));
         let map = tiny(&path);
         map.with_connection(|connection| {
-            let columns = format::VISIT.columns.join(", ");
+            let columns = tables::VISIT.columns.join(", ");
             let sql = format!("SELECT {columns} FROM visit WHERE id = 2");
             let crc = connection
                 .query_row(&sql, [], |row| {
-                    let mut values = (0..format::VISIT.columns.len())
+                    let mut values = (0..tables::VISIT.columns.len())
                         .map(|column| row.get_ref(column))
                         .collect::<rusqlite::Result<Vec<_>>>()?;
                     values.pop();
                     values.push(ValueRef::Blob(bits));
-                    Ok(format::row_crc(&format::VISIT, &values))
+                    Ok(row_crc(&tables::VISIT, &values))
                 })
                 .expect("there");
             connection

@@ -1,21 +1,20 @@
 //! How is a map kept in one file that survives what happens to files?
+//!
+//! `chronotope-store` keeps generations of rows; what is here says what a row of a map means.
 
 mod change;
 #[cfg(test)]
 mod damage;
-pub(super) mod digest;
-pub(super) mod format;
+mod generation;
 mod load;
-mod mapped;
-mod prune;
+mod map;
 mod stamp;
-mod store;
+mod state;
+mod tables;
+mod trail;
 mod verify;
 
-pub use digest::ContentDigest;
-pub(crate) use format::MAX_TEXT_BYTES;
-pub use load::{Fault, Generation};
-pub(crate) use mapped::MappedFile;
+pub use generation::Generation;
+pub use map::{Map, Pruned};
 pub use stamp::Stamp;
-pub use store::{Map, Pruned};
 pub use verify::VerifyReport;

@@ -7,29 +7,27 @@
 
 use std::collections::BTreeMap;
 
-use rusqlite::types::ValueRef;
+use chronotope_store::{ValueRef, put_value};
 use sha2::{Digest, Sha256};
 
-use super::format::{encode_bits, encode_descriptors, encode_keypoints, put_value};
+use super::codec::{encode_bits, encode_descriptors, encode_keypoints};
+use super::node::Node;
+use super::snapshot::Snapshot;
+use super::types::MapMeta;
 use crate::feature::FeaturesView;
-use crate::map::types::{AppearanceUse, MapMeta, Node, Snapshot};
 
 /// A SHA-256.
 pub type ContentDigest = [u8; 32];
 
 /// The chain of a place without visits.
-pub(in crate::map) fn first_link(node: &Node) -> ContentDigest {
+pub(super) fn first_link(node: &Node) -> ContentDigest {
     let mut sha = labelled("chronotope place 1");
     put_value(&mut sha, ValueRef::Text(node.key.as_str().as_bytes()));
     sha.finalize().into()
 }
 
 /// The chain after one more visit.
-pub(in crate::map) fn next_link(
-    before: &ContentDigest,
-    node: &Node,
-    visit: usize,
-) -> ContentDigest {
+pub(super) fn next_link(before: &ContentDigest, node: &Node, visit: usize) -> ContentDigest {
     let mut sha = labelled("chronotope link 1");
     put_value(&mut sha, ValueRef::Blob(before));
     let it = &node.visits[visit];
@@ -39,7 +37,7 @@ pub(in crate::map) fn next_link(
     put_value(&mut sha, ValueRef::Text(it.source.as_bytes()));
     put_value(
         &mut sha,
-        ValueRef::Text(use_name(it.appearance_use).as_bytes()),
+        ValueRef::Text(it.appearance_use.name().as_bytes()),
     );
     let seen = node.log.seen_row(visit);
     put_value(&mut sha, ValueRef::Integer(seen.len() as i64));
@@ -63,19 +61,19 @@ pub(in crate::map) fn next_link(
 }
 
 /// The chain of a place with all its visits.
-pub(in crate::map) fn chain(node: &Node) -> ContentDigest {
+pub(super) fn chain(node: &Node) -> ContentDigest {
     (0..node.visits.len()).fold(first_link(node), |before, visit| {
         next_link(&before, node, visit)
     })
 }
 
 /// The SHA-256 of an attachment.
-pub(in crate::map) fn of_attachment(value: &[u8]) -> ContentDigest {
+pub(super) fn of_attachment(value: &[u8]) -> ContentDigest {
     Sha256::digest(value).into()
 }
 
 /// The digest of a map whose places have these chains and whose attachments these digests.
-pub(in crate::map) fn of_chains(
+pub(super) fn of_chains(
     snapshot: &Snapshot,
     chains: &[ContentDigest],
     attachments: &BTreeMap<String, ContentDigest>,
@@ -108,8 +106,8 @@ pub(in crate::map) fn of_chains(
     sha.finalize().into()
 }
 
-/// The columns of [`META`](super::format::META) from `uuid` on.
-pub(in crate::map) fn meta_values<'a>(meta: &'a MapMeta, uuid: &'a [u8; 16]) -> [ValueRef<'a>; 10] {
+/// The columns of table `meta` from `uuid` on.
+pub(super) fn meta_values<'a>(meta: &'a MapMeta, uuid: &'a [u8; 16]) -> [ValueRef<'a>; 10] {
     let number = |number: Option<u32>| match number {
         Some(number) => ValueRef::Integer(number.into()),
         None => ValueRef::Null,
@@ -131,27 +129,12 @@ pub(in crate::map) fn meta_values<'a>(meta: &'a MapMeta, uuid: &'a [u8; 16]) -> 
     ]
 }
 
-/// The columns `x`, `y`, `z` of [`POSE`](super::format::POSE). `SQLite` keeps whole reals as
+/// The columns `x`, `y`, `z` of table `pose`. `SQLite` keeps whole reals as
 /// integers, which know no -0: it becomes 0, its equal.
-pub(in crate::map) fn pose_values(pose: Option<[f64; 3]>) -> [ValueRef<'static>; 3] {
+pub(super) fn pose_values(pose: Option<[f64; 3]>) -> [ValueRef<'static>; 3] {
     pose.map_or([ValueRef::Null; 3], |pose| {
         pose.map(|x| ValueRef::Real(x + 0.0))
     })
-}
-
-/// What the column `appearance_use` says.
-pub(in crate::map) fn use_name(appearance_use: AppearanceUse) -> &'static str {
-    match appearance_use {
-        AppearanceUse::Experience => "experience",
-        AppearanceUse::Recognised => "recognised",
-    }
-}
-
-/// The inverse of [`use_name`].
-pub(in crate::map) fn use_named(name: &str) -> Option<AppearanceUse> {
-    [AppearanceUse::Experience, AppearanceUse::Recognised]
-        .into_iter()
-        .find(|&it| use_name(it) == name)
 }
 
 fn put_features(sha: &mut Sha256, features: Option<FeaturesView<'_>>) {

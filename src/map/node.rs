@@ -1,20 +1,54 @@
-//! How does a snapshot grow without breaking its invariants?
+//! What is remembered of one place, and how does that grow without breaking its invariants?
 //!
-//! [`Node::push_visit`] keeps features, visits and logs of a place in step; [`Snapshot::check`] says
-//! of any snapshot whether a store may hold it. What is worth adding is decided by `learn`.
+//! [`Node::push_visit`] keeps features, visits and logs of a place in step; [`Node::check`] says
+//! whether a store may hold it. What is worth adding is decided by `learn`.
 
-use std::collections::{BTreeSet, HashSet};
 use std::ops::Range;
-use std::sync::Arc;
 
-use super::file::format::{
-    MAX_ATTACHMENT_BYTES, MAX_ATTACHMENT_NAME_BYTES, MAX_FEATURES, MAX_TEXT_BYTES,
-};
-use super::types::{AppearanceUse, Edge, MapMeta, Node, NodeId, PlaceKey, Snapshot, Visit};
+use super::limits::{DESCRIPTOR_BYTES, KEYPOINT_BYTES, MAX_FEATURES, MAX_TEXT_BYTES};
+use super::types::{AppearanceUse, PlaceKey, Visit};
 use crate::feature::Features;
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
-use fremen::visibility::BitRow;
+use fremen::visibility::{BitRow, HistoryLog};
+
+/// Bytes of a keypoint and its descriptor.
+const FEATURE_BYTES: usize = KEYPOINT_BYTES + DESCRIPTOR_BYTES;
+
+/// One place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Node {
+    /// Its name.
+    pub key: PlaceKey,
+    /// The features of the place, in order of birth; positions are those of the birth visit moved
+    /// by the displacement found there, so that all share the first visit's frame.
+    pub features: Features,
+    /// What was seen when; `log.num_features() == features.len()`.
+    pub log: HistoryLog,
+    /// The visits, in order of arrival; `log.num_visits() == visits.len()` and times agree.
+    pub visits: Vec<Visit>,
+    /// Which experience of the place would by itself have located which visit. Its "features" are
+    /// the visits with [`AppearanceUse::Experience`], in their order, each born at itself, whether
+    /// or not its appearance was kept; it has a row for every visit, and none of them has hidden
+    /// bits.
+    pub experience_log: HistoryLog,
+    /// Position in metres in a frame of the user's, where known.
+    pub pose: Option<[f64; 3]>,
+}
+
+impl Node {
+    /// A place that was never visited.
+    pub fn new(key: PlaceKey) -> Self {
+        Self {
+            key,
+            features: Features::new(),
+            log: HistoryLog::new(),
+            experience_log: HistoryLog::new(),
+            visits: Vec::new(),
+            pose: None,
+        }
+    }
+}
 
 impl Node {
     /// Appends one visit with the features `born` at it.
@@ -68,8 +102,8 @@ impl Node {
         Ok(())
     }
 
-    /// The row for [`push_visit`](Self::push_visit) of a visit that no experience known before would
-    /// have located: only its own bit is one, if it is an experience itself.
+    /// The row for [`push_visit`](Self::push_visit) of a visit that no experience known before
+    /// would have located: only its own bit is one, if it is an experience itself.
     pub fn unlocated(&self, appearance_use: AppearanceUse) -> BitRow {
         let num_known = self.experience_log.num_features();
         let mut row = BitRow::zeros(self.num_experiences_after(appearance_use));
@@ -85,11 +119,11 @@ impl Node {
         self.experience_log.num_features() + usize::from(is_experience)
     }
 
-    /// The place with only these visits and features, in the same order of arrival: one bool each. Also which
-    /// feature of this place each of its features is.
+    /// The place with only these visits and features, in the same order of arrival: one bool each.
+    /// Also which feature of this place each of its features is.
     ///
-    /// A feature whose birth is gone is born at the first visit that is left and could have seen it; if there
-    /// is none, it goes too. O(visits * features).
+    /// A feature whose birth is gone is born at the first visit that is left and could have seen
+    /// it; if there is none, it goes too. O(visits * features).
     pub fn retained(&self, visits: &[bool], features: &[bool]) -> Result<(Self, Vec<u32>)> {
         let kept: Vec<usize> = (0..self.visits.len())
             .filter(|&visit| visits.get(visit) == Some(&true))
@@ -284,220 +318,4 @@ fn first_not_finite(features: &Features) -> Option<usize> {
             .iter()
             .any(|number| !number.is_finite())
     })
-}
-
-impl MapMeta {
-    /// Whether it can be stored.
-    pub fn check(&self) -> Result<()> {
-        let zone = self.zone.as_deref().unwrap_or_default();
-        for (what, text) in [
-            ("extractor", self.extractor.as_str()),
-            ("preset", self.preset.as_str()),
-            ("zone", zone),
-        ] {
-            if text.len() > MAX_TEXT_BYTES {
-                return Err(Error::new(
-                    ErrorKind::Config,
-                    format!("the map's {what} is longer than {MAX_TEXT_BYTES} bytes"),
-                ));
-            }
-        }
-        Ok(())
-    }
-}
-
-impl Snapshot {
-    /// Appends a place; a key that the map has already is an error.
-    pub fn push_node(&mut self, node: Node) -> Result<NodeId> {
-        if self.find(&node.key).is_some() {
-            return Err(Error::new(
-                ErrorKind::Config,
-                format!("the map has a place `{}` already", node.key),
-            ));
-        }
-        self.nodes.push(Arc::new(node));
-        Ok(NodeId(self.nodes.len() as u32 - 1))
-    }
-
-    /// The place with this key, appended without visits if there is none.
-    pub fn find_or_add(&mut self, key: &PlaceKey) -> NodeId {
-        self.find(key).unwrap_or_else(|| {
-            self.nodes.push(Arc::new(Node::new(key.clone())));
-            NodeId(self.nodes.len() as u32 - 1)
-        })
-    }
-
-    /// The node with this id, to be changed; it is copied first if another snapshot shares it.
-    ///
-    /// # Panics
-    /// If the id is of another snapshot.
-    pub fn node_mut(&mut self, id: NodeId) -> &mut Node {
-        Arc::make_mut(&mut self.nodes[id.0 as usize])
-    }
-
-    /// Appends a way between two places of the map; false if it was there.
-    pub fn add_edge(&mut self, edge: Edge) -> Result<bool> {
-        for key in [&edge.from, &edge.to] {
-            if self.find(key).is_none() {
-                return Err(unknown_place(key));
-            }
-        }
-        let is_new = !self.edges.contains(&edge);
-        if is_new {
-            self.edges.push(edge);
-        }
-        Ok(is_new)
-    }
-
-    /// Whether a store may hold it: every place is sound, keys and visits are unique, edges join
-    /// places of the map.
-    pub fn check(&self) -> Result<()> {
-        self.check_frame()?;
-        let mut visits = HashSet::new();
-        for node in &self.nodes {
-            node.check()?;
-            if let Some(twice) = node.visits.iter().find(|visit| !visits.insert(visit.id)) {
-                return Err(Error::new(
-                    ErrorKind::Config,
-                    format!("visit {} is in the map twice", twice.id),
-                )
-                .with_place(format!("place `{}`", node.key)));
-            }
-        }
-        Ok(())
-    }
-
-    /// [`check`](Self::check) without looking into the places.
-    pub(super) fn check_frame(&self) -> Result<()> {
-        self.meta.check()?;
-        if u32::try_from(self.nodes.len()).is_err() {
-            return Err(Error::new(
-                ErrorKind::Shape,
-                "a map holds at most 2^32 - 1 places",
-            ));
-        }
-        let mut keys = BTreeSet::new();
-        if let Some(twice) = self.nodes.iter().find(|node| !keys.insert(&node.key)) {
-            return Err(Error::new(
-                ErrorKind::Config,
-                format!("place `{}` is in the map twice", twice.key),
-            ));
-        }
-        for edge in &self.edges {
-            if let Some(key) = [&edge.from, &edge.to]
-                .into_iter()
-                .find(|k| !keys.contains(k))
-            {
-                return Err(unknown_place(key));
-            }
-            if edge.name.len() > MAX_TEXT_BYTES {
-                return Err(Error::new(
-                    ErrorKind::Config,
-                    format!("the name of an edge is longer than {MAX_TEXT_BYTES} bytes"),
-                ));
-            }
-        }
-        self.attachments
-            .iter()
-            .try_for_each(|(name, value)| check_attachment(name, value))
-    }
-
-    /// What it holds, in numbers. O(places + visits).
-    pub fn summary(&self) -> Summary {
-        let mut sessions = BTreeSet::new();
-        let mut summary = Summary {
-            generation: self.generation,
-            num_places: self.nodes.len(),
-            num_edges: self.edges.len(),
-            num_attachments: self.attachments.len(),
-            num_bytes: self.attachments.values().map(|value| value.len()).sum(),
-            ..Summary::default()
-        };
-        for node in &self.nodes {
-            summary.num_visits += node.visits.len();
-            summary.num_features += node.features.len();
-            summary.num_bytes += node.num_bytes();
-            if let Some((first, last)) = node.time_span() {
-                summary.first = Some(summary.first.map_or(first, |time| time.min(first)));
-                summary.last = Some(summary.last.map_or(last, |time| time.max(last)));
-            }
-            for visit in &node.visits {
-                sessions.insert(visit.session);
-                if visit.appearance.is_some() {
-                    summary.num_appearances += 1;
-                    let is_experience = visit.appearance_use == AppearanceUse::Experience;
-                    summary.num_experiences += usize::from(is_experience);
-                }
-            }
-        }
-        summary.num_sessions = sessions.len();
-        summary
-    }
-}
-
-/// Whether a map may hold this attachment.
-pub(super) fn check_attachment(name: &str, value: &[u8]) -> Result<()> {
-    let is_word = |word: &str| {
-        !word.is_empty()
-            && (word.bytes()).all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit())
-    };
-    if name.len() > MAX_ATTACHMENT_NAME_BYTES || !name.split('-').all(is_word) {
-        return Err(Error::new(
-            ErrorKind::Config,
-            format!("`{}` is no name for an attachment", name.escape_debug()),
-        )
-        .with_help(format!(
-            "use kebab case of at most {MAX_ATTACHMENT_NAME_BYTES} bytes"
-        )));
-    }
-    if value.len() > MAX_ATTACHMENT_BYTES {
-        return Err(Error::new(
-            ErrorKind::Shape,
-            format!(
-                "the attachment `{name}` has {} bytes, where one holds at most {MAX_ATTACHMENT_BYTES}",
-                value.len()
-            ),
-        ));
-    }
-    Ok(())
-}
-
-/// Bytes of a keypoint and its descriptor.
-const FEATURE_BYTES: usize = 48;
-
-fn unknown_place(key: &PlaceKey) -> Error {
-    Error::new(
-        ErrorKind::Config,
-        format!("an edge names the place `{key}`, which the map does not have"),
-    )
-    .with_help("add the place first")
-}
-
-/// What a [`Snapshot`] holds, in numbers.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Summary {
-    /// Which commit it is.
-    pub generation: u64,
-    /// Places.
-    pub num_places: usize,
-    /// Ways between them.
-    pub num_edges: usize,
-    /// Runs that the visits belong to.
-    pub num_sessions: usize,
-    /// Visits of all places.
-    pub num_visits: usize,
-    /// Visits whose own features are kept.
-    pub num_appearances: usize,
-    /// Those of them that are experiences of their place.
-    pub num_experiences: usize,
-    /// Features of all places, without those of appearances.
-    pub num_features: usize,
-    /// Named values that other rooms keep with the map.
-    pub num_attachments: usize,
-    /// Bytes of features, logs, appearances and attachments.
-    pub num_bytes: usize,
-    /// The earliest visit.
-    pub first: Option<Time>,
-    /// The latest visit.
-    pub last: Option<Time>,
 }

@@ -1,10 +1,10 @@
 //! How is a large file read without a copy of it in memory?
 //!
-//! [`MappedFile`] lets the system bring in those pages that are looked at, and drop them again; processes
-//! that read the same file share them.
+//! [`MappedFile`] lets the system bring in those pages that are looked at, and drop them again;
+//! processes that read the same file share them.
 //!
-//! Not for files that are written in place: only for those that are written under another name and then
-//! renamed, so that what is mapped never changes and never gets shorter.
+//! Not for files that are written in place: only for those that are written under another name and
+//! then renamed, so that what is mapped never changes and never gets shorter.
 #![allow(unsafe_code)] // reason: the system cannot promise that nobody changes a mapped file.
 
 use std::fs::File;
@@ -16,17 +16,17 @@ use memmap2::Mmap;
 
 /// The bytes of a file that is never changed in place.
 #[derive(Debug)]
-pub(crate) struct MappedFile(Mmap);
+pub struct MappedFile(Mmap);
 
 impl MappedFile {
     /// Maps all of a regular file.
-    pub(crate) fn open(path: &Path) -> io::Result<Self> {
+    pub fn open(path: &Path) -> io::Result<Self> {
         let file = File::open(path)?;
         if !file.metadata()?.is_file() {
             return Err(io::ErrorKind::InvalidInput.into());
         }
-        // SAFETY: files that are opened so are written under another name, renamed once whole, and from then
-        // on only removed; a mapping outlives both.
+        // SAFETY: files that are opened so are written under another name, renamed once whole, and
+        // from then on only removed; a mapping outlives both.
         let mapped = unsafe { Mmap::map(&file) }?;
         Ok(Self(mapped))
     }

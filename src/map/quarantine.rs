@@ -1,14 +1,14 @@
 //! Which visits wait until somebody says whether they are what they seem?
 //!
-//! A visit that does not look like its place, or whose time cannot be right, is not learnt: it is kept
-//! here with the reason, and can be learnt or dropped later. Whether to doubt a visit is decided by
-//! `learn`; these visits are part of a snapshot as the attachment `held`, so that they are committed,
-//! rolled back and checked as everything else is.
+//! A visit that does not look like its place, or whose time cannot be right, is not learnt: it is
+//! kept in quarantine with the reason, and can be learnt or dropped later. Whether to believe a
+//! visit is decided by `learn`; quarantined visits are part of a snapshot as the attachment `held`,
+//! so that they are committed, rolled back and checked as everything else is.
 //!
-//! Bytes of the attachment: a little-endian `u64`, the length of a JSON array with an object for each
-//! visit, oldest first; then for each visit its keypoints and its descriptors, as in table `appearance`. A mask is
-//! kept as the lengths of its runs ([`MaskRuns`]).
-//! At most [`MAX_HELD`] visits and [`MAX_BYTES`]: beyond that the oldest go.
+//! Bytes of the attachment: a little-endian `u64`, the length of a JSON array with an object for
+//! each visit, oldest first; then for each visit its keypoints and its descriptors, as in table
+//! `appearance`. A mask is kept as the lengths of its runs ([`MaskRuns`]). At most [`MAX_VISITS`]
+//! visits and [`MAX_BYTES`]: beyond that the oldest go.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -16,11 +16,12 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::file::format::{
-    MAX_ATTACHMENT_BYTES, MAX_TEXT_BYTES, decode_descriptors, decode_keypoints, encode_descriptors,
-    encode_keypoints, pair,
+use super::codec::{
+    decode_descriptors, decode_keypoints, encode_descriptors, encode_keypoints, pair,
 };
-use super::types::{PlaceKey, SessionId, Snapshot, VisitId};
+use super::limits::{MAX_ATTACHMENT_BYTES, MAX_TEXT_BYTES};
+use super::snapshot::Snapshot;
+use super::types::{PlaceKey, SessionId, VisitId};
 use crate::feature::{Features, GrayImage};
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
@@ -28,7 +29,7 @@ use fremen::time::Time;
 /// The attachment's name.
 const NAME: &str = "held";
 /// Visits, at most.
-const MAX_HELD: usize = 512;
+const MAX_VISITS: usize = 512;
 /// Bytes of all their features and texts, at most.
 const MAX_BYTES: usize = MAX_ATTACHMENT_BYTES / 2;
 
@@ -38,7 +39,7 @@ const MAX_MASK_PIXELS: u64 = 64_000_000;
 /// Why a visit was not learnt.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
-pub enum Doubt {
+pub enum QuarantineReason {
     /// Too few of the features that were predicted for that time were seen.
     #[serde(rename_all = "kebab-case")]
     Disagreement {
@@ -83,8 +84,8 @@ pub enum ClockFault {
     Future,
     /// It went back within a session.
     Backwards,
-    /// It differs from the machine's clock by a whole number of quarters of an hour, as the clock of
-    /// another zone does.
+    /// It differs from the machine's clock by a whole number of quarters of an hour, as the clock
+    /// of another zone does.
     Zone,
 }
 
@@ -93,7 +94,7 @@ const BLACK: u8 = 40;
 /// The brightest image whose darkest parts are already white.
 const WHITE: u8 = 215;
 
-impl fmt::Display for Doubt {
+impl fmt::Display for QuarantineReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Disagreement {
@@ -105,8 +106,8 @@ impl fmt::Display for Doubt {
             } => {
                 write!(
                     f,
-                    "{:.1} % of {num_predicted} predicted features were seen, where at least {:.1} % \
-                     were expected and {:.1} % are usual",
+                    "{:.1} % of {num_predicted} predicted features were seen, where at least \
+                     {:.1} % were expected and {:.1} % are usual",
                     100.0 * agreement,
                     100.0 * threshold,
                     100.0 * expected
@@ -148,14 +149,14 @@ impl fmt::Display for Doubt {
     }
 }
 
-/// Which pixels of an image could be observed: the lengths of runs, row by row and across the ends of rows; the first
-/// run (it may be empty) is hidden, and from then on they alternate.
+/// Which pixels of an image could be observed: the lengths of runs, row by row and across the ends
+/// of rows; the first run (it may be empty) is hidden, and from then on they alternate.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct MaskRuns(Vec<u32>);
 
 impl MaskRuns {
-    /// Of a mask that is zero where nothing could be observed.
+    /// The runs of a mask that is zero where nothing could be observed.
     pub fn of(mask: &GrayImage) -> Self {
         let mut runs = vec![0_u32];
         let mut is_hidden = true;
@@ -192,9 +193,9 @@ impl MaskRuns {
     }
 }
 
-/// A visit that is not learnt yet, with all that is needed to learn it.
+/// A visit that waits in quarantine, with all that is needed to learn it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct HeldVisit {
+pub struct QuarantinedVisit {
     /// Where it is said to have been.
     pub place: PlaceKey,
     /// Its identity.
@@ -209,8 +210,8 @@ pub struct HeldVisit {
     pub image_size: (u32, u32),
     /// What of it could be observed, if not all.
     pub mask: Option<Arc<MaskRuns>>,
-    /// Why it is held.
-    pub doubt: Doubt,
+    /// Why it is quarantined.
+    pub reason: QuarantineReason,
     /// Its features, strongest first.
     pub features: Arc<Features>,
 }
@@ -229,17 +230,17 @@ struct Entry {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     mask: Option<MaskRuns>,
     num_features: usize,
-    doubt: Doubt,
+    doubt: QuarantineReason,
 }
 
-/// The visits that a map holds without having learnt them, in order of arrival.
+/// The visits that a map keeps without having learnt them, in order of arrival.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Held {
-    visits: Vec<HeldVisit>,
+pub struct Quarantine {
+    visits: Vec<QuarantinedVisit>,
 }
 
-impl Held {
-    /// What `snapshot` holds.
+impl Quarantine {
+    /// The quarantined visits of `snapshot`.
     ///
     /// Fails with [`ErrorKind::Format`] if the attachment is not as it is written.
     pub fn of(snapshot: &Snapshot) -> Result<Self> {
@@ -255,7 +256,7 @@ impl Held {
         }
     }
 
-    /// Makes it part of `snapshot`.
+    /// Makes them part of `snapshot`.
     pub fn attach(&self, snapshot: &mut Snapshot) -> Result<()> {
         if self.visits.is_empty() {
             snapshot.attachments.remove(NAME);
@@ -267,13 +268,13 @@ impl Held {
     }
 
     /// The visits, oldest first.
-    pub fn visits(&self) -> &[HeldVisit] {
+    pub fn visits(&self) -> &[QuarantinedVisit] {
         &self.visits
     }
 
     /// Adds a visit; one that is there already changes nothing. Gives how many of the oldest had to
     /// go for it.
-    pub fn push(&mut self, visit: HeldVisit) -> usize {
+    pub fn push(&mut self, visit: QuarantinedVisit) -> usize {
         if self.visits.iter().any(|it| it.id == visit.id) {
             return 0;
         }
@@ -282,7 +283,7 @@ impl Held {
     }
 
     /// Takes a visit out.
-    pub fn take(&mut self, id: VisitId) -> Option<HeldVisit> {
+    pub fn take(&mut self, id: VisitId) -> Option<QuarantinedVisit> {
         let at = self.visits.iter().position(|it| it.id == id)?;
         Some(self.visits.remove(at))
     }
@@ -294,8 +295,8 @@ impl Held {
         before - self.visits.len()
     }
 
-    /// Adds what `other` holds, in order of time and identity: the union, whatever the order. Of two
-    /// accounts of one visit the larger holds.
+    /// Adds the visits of `other`, in order of time and identity: the union, whatever the order. Of
+    /// two accounts of one visit the larger holds.
     pub fn merge(&mut self, other: &Self) {
         self.visits.extend_from_slice(&other.visits);
         self.visits.sort_by_cached_key(|it| {
@@ -312,10 +313,10 @@ impl Held {
 
     /// Drops the oldest where there are too many; gives how many.
     fn bound(&mut self) -> usize {
-        let mut num_bytes: usize = self.visits.iter().map(HeldVisit::num_bytes).sum();
+        let mut num_bytes: usize = self.visits.iter().map(QuarantinedVisit::num_bytes).sum();
         let mut num_dropped = 0;
         while num_dropped < self.visits.len()
-            && (self.visits.len() - num_dropped > MAX_HELD || num_bytes > MAX_BYTES)
+            && (self.visits.len() - num_dropped > MAX_VISITS || num_bytes > MAX_BYTES)
         {
             num_bytes -= self.visits[num_dropped].num_bytes();
             num_dropped += 1;
@@ -336,7 +337,7 @@ impl Held {
                 image_height: it.image_size.1,
                 mask: it.mask.as_deref().cloned(),
                 num_features: it.features.len(),
-                doubt: it.doubt.clone(),
+                doubt: it.reason.clone(),
             })
             .collect();
         let json = serde_json::to_vec(&entries).map_err(|cause| {
@@ -367,7 +368,7 @@ impl Held {
                 .flatten())
             .ok_or_else(|| format!("`{}` is no identity", text.escape_debug()))
         };
-        let mut visits: Vec<HeldVisit> = Vec::with_capacity(entries.len());
+        let mut visits: Vec<QuarantinedVisit> = Vec::with_capacity(entries.len());
         let mut ids = BTreeSet::new();
         for entry in entries {
             if entry.source.len() > MAX_TEXT_BYTES {
@@ -386,7 +387,7 @@ impl Held {
             };
             let keypoints = decode_keypoints(blob(16)?).map_err(|it| it.message)?;
             let descriptors = decode_descriptors(blob(32)?).map_err(|it| it.message)?;
-            visits.push(HeldVisit {
+            visits.push(QuarantinedVisit {
                 place: entry.place,
                 id,
                 session: SessionId(bits(&entry.session)?),
@@ -394,7 +395,7 @@ impl Held {
                 source: entry.source,
                 image_size: (entry.image_width, entry.image_height),
                 mask: entry.mask.map(Arc::new),
-                doubt: entry.doubt,
+                reason: entry.doubt,
                 features: Arc::new(pair(keypoints, descriptors).map_err(|it| it.message)?),
             });
         }
@@ -406,7 +407,7 @@ impl Held {
     }
 }
 
-impl HeldVisit {
+impl QuarantinedVisit {
     /// About how much room it takes.
     fn num_bytes(&self) -> usize {
         let num_runs = self.mask.as_ref().map_or(0, |mask| mask.0.len());
@@ -422,7 +423,7 @@ mod tests {
     use super::*;
     use crate::feature::{Descriptor, Keypoint};
 
-    fn visit(number: u128, num_features: usize) -> HeldVisit {
+    fn visit(number: u128, num_features: usize) -> QuarantinedVisit {
         let mut features = Features::new();
         for i in 0..num_features {
             let keypoint = Keypoint {
@@ -433,7 +434,7 @@ mod tests {
             };
             features.push(keypoint, Descriptor([number as u64, i as u64, 3, 4]));
         }
-        HeldVisit {
+        QuarantinedVisit {
             place: PlaceKey::new("door").expect("valid"),
             id: VisitId(number),
             session: SessionId(number % 2),
@@ -443,7 +444,7 @@ mod tests {
             mask: number
                 .is_multiple_of(2)
                 .then(|| Arc::new(MaskRuns(vec![0, 640 * 479, 640]))),
-            doubt: Doubt::Disagreement {
+            reason: QuarantineReason::Disagreement {
                 agreement: 0.1,
                 threshold: 1.0 / 3.0,
                 expected: 0.7,
@@ -456,20 +457,20 @@ mod tests {
 
     #[test]
     fn held_visits_survive_the_attachment_and_damage_is_named() {
-        let mut held = Held::default();
+        let mut quarantine = Quarantine::default();
         for number in 0..5 {
-            assert_eq!(held.push(visit(number, number as usize)), 0);
+            assert_eq!(quarantine.push(visit(number, number as usize)), 0);
         }
-        assert_eq!(held.push(visit(3, 9)), 0);
-        let bytes = held.encode().expect("serialises");
-        assert_eq!(Held::decode(&bytes), Ok(held.clone()));
+        assert_eq!(quarantine.push(visit(3, 9)), 0);
+        let bytes = quarantine.encode().expect("serialises");
+        assert_eq!(Quarantine::decode(&bytes), Ok(quarantine.clone()));
         for len in 0..bytes.len() {
-            assert!(Held::decode(&bytes[..len]).is_err(), "{len} bytes");
+            assert!(Quarantine::decode(&bytes[..len]).is_err(), "{len} bytes");
         }
-        assert!(Held::decode(&[&bytes[..], &[0]].concat()).is_err());
-        assert_eq!(held.forget(SessionId(1)), 2);
-        assert!(held.take(VisitId(2)).is_some() && held.take(VisitId(2)).is_none());
-        assert_eq!(held.visits().len(), 2);
+        assert!(Quarantine::decode(&[&bytes[..], &[0]].concat()).is_err());
+        assert_eq!(quarantine.forget(SessionId(1)), 2);
+        assert!(quarantine.take(VisitId(2)).is_some() && quarantine.take(VisitId(2)).is_none());
+        assert_eq!(quarantine.visits().len(), 2);
     }
 
     #[test]
@@ -487,15 +488,17 @@ mod tests {
 
     #[test]
     fn the_oldest_go_where_there_are_too_many() {
-        let mut held = Held::default();
-        let num_dropped: usize = (0..600).map(|number| held.push(visit(number, 1))).sum();
+        let mut quarantine = Quarantine::default();
+        let num_dropped: usize = (0..600)
+            .map(|number| quarantine.push(visit(number, 1)))
+            .sum();
         assert_eq!(
-            (num_dropped, held.visits().len()),
-            (600 - MAX_HELD, MAX_HELD)
+            (num_dropped, quarantine.visits().len()),
+            (600 - MAX_VISITS, MAX_VISITS)
         );
-        assert_eq!(held.visits()[0].id, VisitId(600 - MAX_HELD as u128));
+        assert_eq!(quarantine.visits()[0].id, VisitId(600 - MAX_VISITS as u128));
         // A single one that is too large is not kept at all.
-        assert_eq!(Held::default().push(visit(1, MAX_BYTES / 48)), 1);
-        assert!(held.encode().expect("serialises").len() < MAX_ATTACHMENT_BYTES);
+        assert_eq!(Quarantine::default().push(visit(1, MAX_BYTES / 48)), 1);
+        assert!(quarantine.encode().expect("serialises").len() < MAX_ATTACHMENT_BYTES);
     }
 }

@@ -1,0 +1,158 @@
+//! What do the first bytes of a file say it is?
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+use std::sync::{PoisonError, RwLock, RwLockReadGuard};
+
+use fremen::error::{Error, ErrorKind, Result};
+
+use crate::kind::Kind;
+
+/// POSIX drops all locks of a process on a file when any descriptor of that file is closed, so the
+/// header is read (exclusive) only while no transaction of this process runs (shared).
+static DESCRIPTORS: RwLock<()> = RwLock::new(());
+
+/// What a transaction of this process holds.
+pub(crate) fn shared() -> RwLockReadGuard<'static, ()> {
+    DESCRIPTORS.read().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Looks at a file's first bytes: an error unless it is a whole file of this kind.
+pub(crate) fn peek(kind: &Kind, path: &Path) -> Result<()> {
+    let Kind { noun, maker, .. } = kind;
+    let io = |error: std::io::Error| {
+        let error = Error::io(path, error);
+        if path.exists() {
+            error
+        } else {
+            error.with_help(format!("make a {noun} with `{maker}`"))
+        }
+    };
+    let format = |message: String| Error::new(ErrorKind::Format, message).with_path(path);
+    let metadata = std::fs::metadata(path).map_err(io)?;
+    if metadata.is_dir() {
+        return Err(
+            format(format!("this is a folder, not a {noun} file")).with_help(kind.help_for_folder)
+        );
+    }
+    if !metadata.is_file() {
+        return Err(format("this is no regular file".into()));
+    }
+    let mut header = Vec::new();
+    {
+        let _exclusive = DESCRIPTORS.write().unwrap_or_else(PoisonError::into_inner);
+        let file = File::open(path).map_err(io)?;
+        file.take(100).read_to_end(&mut header).map_err(io)?;
+    }
+    let (num_pages, page_bytes) =
+        check_header(kind, &header).map_err(|error| error.with_path(path))?;
+    // While a commit runs the file may be shorter than its header says; once the journal is gone
+    // the commit is complete, so the length is read last.
+    let journal = {
+        let mut name = path.as_os_str().to_owned();
+        name.push("-journal");
+        std::fs::metadata(name).is_ok_and(|journal| journal.len() > 0)
+    };
+    let is_size_valid = word(&header, 24) == word(&header, 92);
+    let (whole, found) = (
+        u64::from(num_pages) * page_bytes,
+        std::fs::metadata(path).map_err(io)?.len(),
+    );
+    if !journal && is_size_valid && found < whole {
+        return Err(format(format!(
+            "the file has been cut off: {found} of {whole} bytes"
+        ))
+        .with_help("restore a copy"));
+    }
+    Ok(())
+}
+
+/// The number of pages and the bytes of a page, if this is the header of a file of this kind.
+fn check_header(kind: &Kind, header: &[u8]) -> Result<(u32, u64)> {
+    let Kind { noun, maker, .. } = kind;
+    let format = |message: String| Error::new(ErrorKind::Format, message);
+    if header.is_empty() {
+        return Err(format("the file is empty".into()).with_help(format!(
+            "its creation or a copy was interrupted: delete it and build or copy the {noun} again"
+        )));
+    }
+    let give_another = || format!("give the file that `{maker}` has written");
+    if !header.starts_with(b"SQLite format 3\0") {
+        return Err(
+            format(format!("this is {}, not a {noun} file", describe(header)))
+                .with_help(give_another()),
+        );
+    }
+    let (Some(id), Some(version), Some(num_pages)) =
+        (word(header, 68), word(header, 60), word(header, 28))
+    else {
+        return Err(
+            format(format!("the file ends after {} bytes", header.len()))
+                .with_help("restore a copy"),
+        );
+    };
+    if id != kind.application_id {
+        return Err(format(format!(
+            "this is an SQLite file of another program (application id {id:#010x}), not a {noun}"
+        ))
+        .with_help(give_another()));
+    }
+    if version > kind.version {
+        let help = format!("use a newer {}", kind.program);
+        return Err(kind.unknown_version(version).with_help(help));
+    }
+    if version == 0 {
+        return Err(
+            format(format!("the {noun} has format 0, which does not exist"))
+                .with_help("the file is damaged: restore a copy"),
+        );
+    }
+    let page_bytes = match header[16..18] {
+        [0, 1] => 65536,
+        [high, low] => u64::from(high) << 8 | u64::from(low),
+        _ => 0,
+    };
+    Ok((num_pages, page_bytes))
+}
+
+/// The big-endian number at a byte of the header.
+fn word(header: &[u8], at: usize) -> Option<u32> {
+    let bytes = header.get(at..at + 4)?;
+    bytes.try_into().ok().map(u32::from_be_bytes)
+}
+
+/// What a file that is not `SQLite`'s seems to be.
+fn describe(header: &[u8]) -> &'static str {
+    const KINDS: [(&[u8], &str); 10] = [
+        (b"\x89PNG", "a PNG image"),
+        (b"\xff\xd8\xff", "a JPEG image"),
+        (b"BM", "a BMP image"),
+        (b"II*\0", "a TIFF image"),
+        (b"MM\0*", "a TIFF image"),
+        (b"GIF8", "a GIF image"),
+        (b"PK\x03\x04", "a ZIP archive"),
+        (b"\x1f\x8b", "a gzip archive"),
+        (b"%YAML", "a YAML text"),
+        (b"%PDF", "a PDF document"),
+    ];
+    let is_text = |bytes: &[u8]| {
+        let valid = match std::str::from_utf8(bytes) {
+            Ok(_) => true,
+            // A character may be cut at the end of what was read.
+            Err(error) => error.error_len().is_none(),
+        };
+        valid && bytes.iter().all(|&b| b >= b' ' || b.is_ascii_whitespace())
+    };
+    KINDS
+        .iter()
+        .find(|(magic, _)| header.starts_with(magic))
+        .map_or(
+            if is_text(header) {
+                "a text"
+            } else {
+                "a file of unknown kind"
+            },
+            |(_, kind)| kind,
+        )
+}

@@ -1,0 +1,242 @@
+//! Does the store keep something that is no map?
+
+use std::fs;
+
+use chronotope_store::Access;
+use fremen::error::ErrorKind;
+
+use crate::counts::{Counts, FIRST, GRID, Grid, REMARK, RESET, SAMPLE};
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir_in("/dev/shm")
+        .or_else(|_| tempfile::tempdir())
+        .expect("temporary folder")
+}
+
+fn counts(cells: &[(i64, i64)]) -> Counts {
+    Counts(cells.iter().copied().collect())
+}
+
+#[test]
+fn what_is_committed_is_read_and_returned_to() {
+    let folder = folder();
+    let path = folder.path().join("a.grid");
+    let mut grid = Grid::create(&GRID, &path).expect("new");
+    assert_eq!(grid.commit(&[(1, 5), (2, 1)]).expect("extends"), 1);
+    assert_eq!(grid.commit(&[(1, 6)]).expect("extends"), 2);
+    assert_eq!(grid.rollback(1).expect("there"), 3);
+    assert_eq!(grid.known.counts, counts(&[(1, 5), (2, 1)]));
+    assert_eq!(grid.commit(&[(3, 9)]).expect("extends"), 4);
+    let expected = counts(&[(1, 5), (2, 1), (3, 9)]);
+    let mut reopened = Grid::open(&GRID, &path, Access::ReadOnly).expect("a grid");
+    assert_eq!(reopened.known.counts, expected);
+    assert_eq!(
+        reopened.at(2).expect("there").counts,
+        counts(&[(1, 6), (2, 1)])
+    );
+    let error = reopened.commit(&[(1, 1)]).expect_err("read-only");
+    assert!(
+        error.to_string().contains("this grid is open read-only"),
+        "{error}"
+    );
+    let error = reopened.at(7).expect_err("never was").to_string();
+    assert!(error.contains("`gridder grid log`"), "{error}");
+    assert_eq!(Grid::verify(&GRID, &path).expect("a grid"), []);
+    let error = Grid::create(&GRID, &path).expect_err("exists").to_string();
+    assert!(error.contains("a grid is never overwritten"), "{error}");
+}
+
+#[test]
+fn two_writers_do_not_overwrite_each_other() {
+    let folder = folder();
+    let path = folder.path().join("a.grid");
+    let mut first = Grid::create(&GRID, &path).expect("new");
+    let mut second = Grid::open(&GRID, &path, Access::ReadWrite).expect("a grid");
+    first.commit(&[(1, 1)]).expect("extends");
+    let error = second.commit(&[(2, 2)]).expect_err("not the newest");
+    assert!(error.to_string().contains("refresh the grid"), "{error}");
+    first.commit(&[(1, 2)]).expect("extends");
+    first.prune(&[]).expect("sound");
+    let error = second.rollback(0).expect_err("pruned").to_string();
+    assert!(error.contains("has pruned the grid"), "{error}");
+}
+
+#[test]
+fn what_stays_after_pruning_is_what_it_was() {
+    let folder = folder();
+    let path = folder.path().join("a.grid");
+    let mut grid = Grid::create(&GRID, &path).expect("new");
+    for number in 0..9 {
+        grid.commit(&[(number % 3, number), (100 + number, 1)])
+            .expect("extends");
+        if number == 4 {
+            grid.rollback(2).expect("there");
+        }
+    }
+    let known: Vec<_> = (0..=grid.known.tip.number)
+        .map(|number| grid.at(number).expect("there").counts)
+        .collect();
+    assert_eq!(grid.prune(&[5]).expect("sound"), 7);
+    assert_eq!(Grid::verify(&GRID, &path).expect("a grid"), []);
+    for number in [0, 2, 5, grid.known.tip.number] {
+        let found = grid.at(number).expect("kept").counts;
+        assert_eq!(found, known[number as usize], "{number}");
+    }
+    assert!(grid.at(4).is_err());
+    let num_bytes = grid.store.num_bytes().expect("there");
+    assert!(grid.prune(&[]).expect("sound") > 0);
+    assert!(grid.store.num_bytes().expect("there") <= num_bytes);
+    assert_eq!(Some(&grid.known.counts), known.last());
+}
+
+#[test]
+fn what_was_begun_anew_is_pruned_with_all_that_hangs_on_it() {
+    let folder = folder();
+    let path = folder.path().join("a.grid");
+    let mut grid = Grid::create(&GRID, &path).expect("new");
+    grid.sample(1, &[5, 6], false).expect("extends");
+    grid.sample(2, &[7], false).expect("extends");
+    grid.sample(1, &[8], true).expect("extends");
+    grid.sample(1, &[9], false).expect("extends");
+    let all = [100, 101, 200, 300, 400];
+    assert_eq!(
+        (grid.ids(&SAMPLE), grid.ids(&RESET)),
+        (all.to_vec(), vec![3])
+    );
+    // As long as somebody may return to what was, it stays.
+    assert_eq!(grid.prune(&[2, 3]).expect("sound"), 1);
+    assert_eq!(
+        (grid.ids(&SAMPLE), grid.ids(&REMARK)),
+        (all.to_vec(), all.to_vec())
+    );
+    assert_eq!(grid.prune(&[]).expect("sound"), 2);
+    let left = vec![200, 300, 400];
+    assert_eq!((grid.ids(&SAMPLE), grid.ids(&REMARK)), (left.clone(), left));
+    assert_eq!(Grid::verify(&GRID, &path).expect("a grid"), []);
+    // Another branch has what it had.
+    grid.sample(2, &[1], true).expect("extends");
+    grid.rollback(4).expect("there");
+    grid.sample(2, &[2], false).expect("extends");
+    grid.prune(&[]).expect("sound");
+    assert_eq!(grid.ids(&SAMPLE), [200, 300, 400, 700]);
+}
+
+#[test]
+fn every_flipped_byte_is_noticed_or_harmless() {
+    let folder = folder();
+    let path = folder.path().join("whole.grid");
+    let mut grid = Grid::create(&GRID, &path).expect("new");
+    grid.commit(&[(1, 5), (2, 1)]).expect("extends");
+    grid.commit(&[(1, 6)]).expect("extends");
+    let whole = fs::read(&path).expect("there");
+    let damaged_path = folder.path().join("damaged.grid");
+    let mut num_refused = 0;
+    for at in 0..whole.len() {
+        let mut damaged = whole.clone();
+        damaged[at] ^= 1 << (at * 5 % 8);
+        fs::write(&damaged_path, &damaged).expect("writable");
+        match Grid::open(&GRID, &damaged_path, Access::ReadOnly) {
+            Ok(opened) => assert_eq!(opened.known.counts, grid.known.counts, "byte {at}"),
+            Err(error) => {
+                assert!(error.path().is_some(), "byte {at}: {error}");
+                let faults = Grid::verify(&GRID, &damaged_path);
+                assert!(faults.map_or(true, |it| !it.is_empty()), "byte {at}");
+                num_refused += 1;
+            }
+        }
+    }
+    assert!(num_refused > whole.len() / 10, "{num_refused}");
+}
+
+#[test]
+fn a_flipped_bit_is_named() {
+    let folder = folder();
+    let path = folder.path().join("a.grid");
+    let mut grid = Grid::create(&GRID, &path).expect("new");
+    grid.commit(&[(1, 5), (2, 1)]).expect("extends");
+    (grid.store.connection())
+        .execute_batch("UPDATE cell SET count = count + 2 WHERE id = 1")
+        .expect("sound");
+    drop(grid);
+    let error = Grid::open(&GRID, &path, Access::ReadOnly).expect_err("damaged");
+    assert_eq!(error.kind(), ErrorKind::Checksum);
+    let message = error.to_string();
+    assert!(
+        message.contains("table cell, row 1, column count, byte 0"),
+        "{message}"
+    );
+    assert!(message.contains("`gridder grid verify`"), "{message}");
+}
+
+/// The files as a power loss in the middle of a commit leaves them.
+#[test]
+fn an_interrupted_commit_is_undone() {
+    let folder = folder();
+    let path = folder.path().join("a.grid");
+    let mut grid = Grid::create(&GRID, &path).expect("new");
+    let many: Vec<_> = (0..200).map(|cell| (cell, 1)).collect();
+    grid.commit(&many).expect("extends");
+    let torn = folder.path().join("torn.grid");
+    let torn_journal = folder.path().join("torn.grid-journal");
+    let connection = grid.store.connection();
+    connection
+        .execute_batch("PRAGMA cache_size = 1; BEGIN IMMEDIATE; UPDATE cell SET count = 7, crc = 0")
+        .expect("sound");
+    connection.cache_flush().expect("sound");
+    fs::copy(&path, &torn).expect("writable");
+    fs::copy(folder.path().join("a.grid-journal"), &torn_journal).expect("there");
+    connection.execute_batch("ROLLBACK").expect("sound");
+    let error = Grid::open(&GRID, &torn, Access::ReadOnly).expect_err("cannot undo");
+    assert!(
+        error.to_string().contains("before the grid can be read"),
+        "{error}"
+    );
+    let healed = Grid::open(&GRID, &torn, Access::ReadWrite).expect("undone");
+    assert_eq!(healed.known, grid.known);
+    assert!(!torn_journal.exists());
+    assert_eq!(Grid::verify(&GRID, &torn).expect("a grid"), []);
+}
+
+#[test]
+fn a_file_of_an_older_version_becomes_one_of_today_at_its_first_commit() {
+    let folder = folder();
+    let path = folder.path().join("a.grid");
+    let mut old = Grid::create(&FIRST, &path).expect("new");
+    old.commit(&[(1, 5)]).expect("extends");
+    old.commit(&[(2, 6)]).expect("extends");
+    let before = fs::read(&path).expect("there");
+    let mut grid = Grid::open(&GRID, &path, Access::ReadWrite).expect("a grid");
+    assert_eq!(grid.known.counts, old.known.counts);
+    assert_eq!(fs::read(&path).expect("there"), before);
+    assert_eq!(grid.rollback(1).expect("there"), 3);
+    assert_eq!(Grid::verify(&GRID, &path).expect("a grid"), []);
+    assert_eq!(grid.at(2).expect("there").counts, old.known.counts);
+    // The older program says what it is.
+    let error = Grid::open(&FIRST, &path, Access::ReadOnly).expect_err("newer");
+    assert!(error.to_string().contains("use a newer gridder"), "{error}");
+}
+
+#[test]
+fn what_is_no_such_file_is_named() {
+    let folder = folder();
+    let path = folder.path().join("a.grid");
+    let open = || {
+        Grid::open(&GRID, &path, Access::ReadOnly)
+            .expect_err("no grid")
+            .to_string()
+    };
+    assert!(open().contains("make a grid with `gridder grid make`"));
+    fs::write(&path, b"").expect("writable");
+    assert!(open().contains("the file is empty"));
+    fs::write(&path, b"x,y\n").expect("writable");
+    assert!(open().contains("this is a text, not a grid file"));
+    fs::remove_file(&path).expect("ours");
+    rusqlite::Connection::open(&path)
+        .expect("new")
+        .execute_batch("PRAGMA application_id = 7; CREATE TABLE t (x)")
+        .expect("sound");
+    assert!(open().contains("application id 0x00000007), not a grid"));
+    fs::remove_file(&path).expect("ours");
+    fs::create_dir(&path).expect("writable");
+    assert!(open().contains("a grid is one file"));
+}

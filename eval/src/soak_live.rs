@@ -380,9 +380,9 @@ impl Drive<'_> {
     fn publish(&self, learner: &mut Learner, map: &Map, now: Time) -> Result<()> {
         let snapshot = learner.snapshot()?;
         commit(map, &snapshot)?;
-        let newer = self.shared.localizer().on_newer(snapshot)?;
+        let newer = self.shared.localizer().with_snapshot(snapshot)?;
         // So that no image waits for it.
-        newer.anticipate(now);
+        newer.prefetch(now);
         let mut localizer = (self.shared.localizer.lock()).unwrap_or_else(PoisonError::into_inner);
         *localizer = Arc::new(newer);
         Ok(())

@@ -146,7 +146,8 @@ pub enum Evidence {
     /// That features of some places are found again more often than those of others.
     Repeatability,
     /// That matches which do not agree with the others are more frequent at the right place.
-    Strays,
+    #[serde(rename = "strays")]
+    OutlierMatches,
 }
 
 /// Which places are matched.

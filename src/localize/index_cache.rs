@@ -36,15 +36,17 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::candidates::Finder;
-use super::forecast::Forecasts;
-use super::{Calibration, Localizer, LocalizerConfig, Plan, calibration};
+use super::config::LocalizerConfig;
+use super::evidence::{self, Calibration};
+use super::localizer::Localizer;
+use super::plan::{Plan, PlannedMap};
 use crate::feature::{Descriptor, Features, Keypoint, Rect};
 use crate::map::{
     AppearanceUse, Edge, Map, MapMeta, MappedFile, Node, PlaceKey, SessionId, Snapshot, Stamp,
     Visit, VisitId,
 };
-use crate::matching::{BinaryWords, Matcher};
-use crate::predict::Witnesses;
+use crate::matching::BinaryWords;
+use crate::predict::ReferenceVisits;
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::spectrum::CandidatePeriods;
 use fremen::time::Time;
@@ -202,18 +204,19 @@ impl Localizer {
     /// generations. What goes wrong costs time the next time and nothing else.
     fn keep_query_form(&self, path: &Path) {
         // Another process may have committed since the stamp was read.
-        let stamp = Stamp::of(&self.snapshot);
-        let file = query_form_path(path, stamp, &self.cfg);
+        let stamp = Stamp::of(self.snapshot());
+        let file = query_form_path(path, stamp, self.cfg());
         let number = NUM_PARTS.fetch_add(1, Ordering::Relaxed);
         let part = file.with_extension(format!("part{}-{number}", std::process::id()));
-        let written =
-            (self.write_query_form(&part, &fingerprint(stamp, &self.cfg))).and_then(|is_written| {
+        let written = (self.write_query_form(&part, &fingerprint(stamp, self.cfg()))).and_then(
+            |is_written| {
                 if is_written {
                     std::fs::rename(&part, &file)
                 } else {
                     Ok(())
                 }
-            });
+            },
+        );
         if let Err(error) = written {
             tracing::info!(file = %file.display(), %error, "no query form kept");
             // It may never have come to be.
@@ -225,9 +228,9 @@ impl Localizer {
 
     /// Whether it could be written: every model must have the form that is kept.
     fn write_query_form(&self, path: &Path, fingerprint: &Fingerprint) -> io::Result<bool> {
-        let mut kept = Vec::with_capacity(self.plans.len());
+        let mut kept = Vec::with_capacity(self.map.plans.len());
         let mut rhythms: Vec<CandidatePeriods> = Vec::new();
-        for plan in &self.plans {
+        for plan in &self.map.plans {
             kept.push(match plan.as_ref() {
                 Plan::Appearances { .. } => Kept::Appearances,
                 Plan::Predicted { model, .. } => {
@@ -248,7 +251,7 @@ impl Localizer {
         let mut file = BufWriter::new(File::create_new(path)?);
         file.write_all(&[0; HEAD_BYTES])?;
         let mut end = HEAD_BYTES as u64;
-        let places: Vec<_> = self.snapshot.nodes.iter().zip(&kept).collect();
+        let places: Vec<_> = self.snapshot().nodes.iter().zip(&kept).collect();
         let mut blocks = Vec::new();
         for wave in places.chunks(PLACES_PER_BLOCK * BLOCKS_PER_WAVE) {
             let wave: Vec<(usize, Vec<u8>)> = (wave.par_chunks(PLACES_PER_BLOCK))
@@ -287,17 +290,17 @@ impl Localizer {
             crop,
             preset,
             zone,
-        } = self.snapshot.meta.clone();
+        } = self.snapshot().meta.clone();
         Contents {
-            generation: self.snapshot.generation,
+            generation: self.snapshot().generation,
             uuid: format!("{uuid:032x}"),
             extractor,
             image_size,
             crop,
             preset,
             zone,
-            edges: self.snapshot.edges.clone(),
-            attachments: (self.snapshot.attachments.iter())
+            edges: self.snapshot().edges.clone(),
+            attachments: (self.snapshot().attachments.iter())
                 .map(|(name, bytes)| (name.clone(), BASE64.encode(bytes)))
                 .collect(),
             calibration: self.calibration.as_deref().cloned(),
@@ -315,7 +318,7 @@ impl Localizer {
 fn fingerprint(stamp: Stamp, cfg: &LocalizerConfig) -> Fingerprint {
     let mut sha = Sha256::new();
     sha.update(VERSION.to_le_bytes());
-    sha.update(calibration::VERSION.to_le_bytes());
+    sha.update(evidence::VERSION.to_le_bytes());
     sha.update(env!("CARGO_PKG_VERSION"));
     sha.update(stamp.generation.to_le_bytes());
     sha.update(stamp.digest);
@@ -469,14 +472,10 @@ fn parse(file: &[u8], fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Optio
         let words: Vec<Descriptor> = words.into_iter().map(Descriptor).collect();
         Arc::new(BinaryWords::from_centroids(&words))
     });
-    fits.then(|| Localizer {
-        matcher: Matcher::new(cfg.matching().clone()),
-        finder: words.map_or_else(|| Finder::new(&snapshot, cfg), Finder::Inverted),
-        snapshot: Arc::new(snapshot),
-        cfg: cfg.clone(),
-        plans,
-        calibration: calibration.map(Arc::new),
-        forecasts: Forecasts::default(),
+    fits.then(|| {
+        let finder = words.map_or_else(|| Finder::new(&snapshot, cfg), Finder::Inverted);
+        let map = PlannedMap::from_parts(Arc::new(snapshot), cfg.clone(), plans);
+        Localizer::from_parts(map, calibration.map(Arc::new), finder)
     })
 }
 
@@ -675,7 +674,7 @@ impl<'a> Reader<'a> {
         let plan = if cfg.method().predicts() {
             Plan::Predicted {
                 model: self.model(node.features.len(), rhythms)?,
-                witnesses: Witnesses::of(&node.log, Visits::All).ok()?,
+                references: ReferenceVisits::of(&node.log, Visits::All).ok()?,
             }
         } else {
             Plan::of(&node, cfg).ok()?

@@ -4,9 +4,10 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::{LocalizerConfig, Score};
+use super::config::{LocalizerConfig, Score};
+use super::verify::Verified;
 use crate::map::NodeId;
-use crate::matching::{Match, Vote};
+use crate::matching::Vote;
 use fremen::time::Time;
 
 /// The answer to one query with all its evidence.
@@ -160,9 +161,6 @@ pub struct Candidate {
     pub num_inliers: u32,
     /// The displacement of the inliers, px.
     pub displacement: Vote,
-    /// The log odds by what was matched last: of the predicted map, or of one appearance.
-    #[serde(skip)]
-    pub(super) last_log_odds: f64,
 }
 
 /// One feature of a place that is one feature of the live image.
@@ -269,7 +267,6 @@ impl Candidate {
     pub(super) fn restart(&mut self, node: NodeId) {
         self.node = node;
         self.score = 0.0;
-        self.last_log_odds = 0.0;
         self.posterior = 0.0;
         self.appearance = None;
         self.predicted.clear();
@@ -289,16 +286,19 @@ impl Candidate {
 
     /// Takes over the evidence of the predicted map, or of one appearance if it is the first or says
     /// more than those before.
-    pub(super) fn hear(
+    pub(super) fn record(
         &mut self,
         cfg: &LocalizerConfig,
         visit: Option<u32>,
-        matches: &[Match],
-        inliers: &[bool],
-        vote: &Vote,
+        verified: &Verified<'_>,
         log_odds: f64,
     ) {
-        self.last_log_odds = log_odds;
+        let Verified {
+            matches,
+            inliers,
+            vote,
+            ..
+        } = *verified;
         let score = match cfg.score() {
             Score::Count => matches.len() as f64,
             Score::Inliers => f64::from(vote.num_inliers),
@@ -311,7 +311,7 @@ impl Candidate {
         self.score = score;
         self.num_matches = matches.len() as u32;
         self.num_inliers = vote.num_inliers;
-        self.displacement = *vote;
+        self.displacement = vote;
         self.matches.clear();
         (self.matches).extend((matches.iter().zip(inliers)).map(|(found, &inlier)| {
             EvidenceMatch {
@@ -324,7 +324,7 @@ impl Candidate {
     }
 
     /// The place speaks by the mean likelihood of its appearances, not by the best of them.
-    pub(super) fn settle(&mut self, score: Score, log_odds: f64) {
+    pub(super) fn finalize(&mut self, score: Score, log_odds: f64) {
         if score == Score::Likelihood {
             self.score = log_odds;
         }

@@ -22,13 +22,14 @@
 //! Thrun, Burgard & Fox 2005, chapter 8 (grid localisation and its kidnapped robot).
 //!
 //! Not for: images faster than the scene or the robot changes. Two images of a robot that stands still
-//! share their noise and are counted as two witnesses all the same; ask for one image in a while.
+//! share their noise and are counted as two reference visits all the same; ask for one image in a while.
 
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Localization, LocalizerConfig};
+use super::config::{LocalizerConfig, Score};
+use super::localization::Localization;
 use crate::map::{NodeId, Snapshot};
 use fremen::error::{Error, ErrorKind, Result};
 
@@ -301,7 +302,7 @@ impl Tracker {
     /// Fails with [`ErrorKind::Config`] if the answer is of a localizer without calibrated likelihoods,
     /// and with [`ErrorKind::Shape`] if it ranks other places than the motion knows.
     pub fn update(&mut self, cfg: &LocalizerConfig, answer: &mut Localization) -> Result<()> {
-        if cfg.score() != super::Score::Likelihood {
+        if cfg.score() != Score::Likelihood {
             return Err(Error::new(
                 ErrorKind::Config,
                 format!("a robot cannot be followed by the score `{}`", cfg.score()),

@@ -334,7 +334,7 @@ impl NearestNeighbours for InvertedFile {
                     (found.second, found.second_bits),
                 ] {
                     if let Some(&id) = self.ids.get(row as usize) {
-                        take_in(state, id, bits);
+                        integrate(state, id, bits);
                     }
                 }
             }
@@ -347,7 +347,7 @@ impl NearestNeighbours for InvertedFile {
 }
 
 /// Takes row `id` at `bits` into the two smallest of (bits, id).
-fn take_in(state: &mut NearestTwo, id: u32, bits: u16) {
+fn integrate(state: &mut NearestTwo, id: u32, bits: u16) {
     if (bits, id) < (state.best_bits, state.best) {
         (state.second, state.second_bits) = (state.best, state.best_bits);
         (state.best, state.best_bits) = (id, bits);

@@ -120,7 +120,7 @@ impl NearestTwo {
 
     /// Takes in `row` at `bits`, which must have a higher number than every row before.
     #[inline]
-    fn take_in(&mut self, row: u32, bits: u16) {
+    fn integrate(&mut self, row: u32, bits: u16) {
         if bits < self.best_bits {
             self.second = self.best;
             self.second_bits = self.best_bits;
@@ -134,11 +134,11 @@ impl NearestTwo {
 
     /// Takes in the two smallest keys of a block whose row 0 is `base`.
     #[inline]
-    fn take_in_keys(&mut self, keys: [u32; 2], base: u32) {
+    fn integrate_keys(&mut self, keys: [u32; 2], base: u32) {
         for key in keys {
             if key != NO_KEY {
                 let row = key & ((1 << DISTANCE_SHIFT) - 1);
-                self.take_in(base + row, (key >> DISTANCE_SHIFT) as u16);
+                self.integrate(base + row, (key >> DISTANCE_SHIFT) as u16);
             }
         }
     }
@@ -385,7 +385,7 @@ impl Kernel {
                 for (group, state) in queries.groups().iter().zip(states) {
                     let [best, second] = self.smallest_keys_of_lanes(group, words);
                     for ((state, best), second) in state.iter_mut().zip(best).zip(second) {
-                        state.take_in_keys([best, second], base);
+                        state.integrate_keys([best, second], base);
                     }
                 }
             }
@@ -596,7 +596,7 @@ impl Kernel {
             #[cfg(target_arch = "x86_64")]
             if self.0 == Kind::Avx512 && state.iter().all(NearestTwo::has_second) {
                 // SAFETY: a kernel of this kind exists only after its CPU features were detected.
-                unsafe { avx512::take_in_nearer(words, groups, &rows, base, state) };
+                unsafe { avx512::integrate_nearer(words, groups, &rows, base, state) };
                 continue;
             }
             match self.0 {
@@ -618,7 +618,7 @@ impl Kernel {
                 },
             }
             for (state, &keys) in state.iter_mut().zip(keys.iter()) {
-                state.take_in_keys(keys, base);
+                state.integrate_keys(keys, base);
             }
         }
     }

@@ -359,7 +359,7 @@ fn one_process_learns_while_another_localises() {
         if snapshot.generation > newest {
             newest = snapshot.generation;
             num_generations += 1;
-            localizer = localizer.on_newer(snapshot).expect("sound");
+            localizer = localizer.with_snapshot(snapshot).expect("sound");
         }
         for number in [2 * num_answers, 2 * num_answers + 1] {
             let live = image(number % 2, 3 + number % 8);

@@ -187,7 +187,7 @@ fn images_of_one_time_bucket_get_one_prediction_whatever_came_before() {
     let expected = cold.localize(&mut cold.scratch(), &at(0)).expect("fits");
     // Other buckets in between, more than are kept; one prepared beforehand, on other threads.
     for s in [-1800, 5000, 1799, 20_000, -7, 90_000, 0] {
-        warm.anticipate(middle.plus_us(s * 1_000_000));
+        warm.prefetch(middle.plus_us(s * 1_000_000));
         let mut found = warm.localize(&mut scratch, &at(s)).expect("fits");
         if (-1800..1800).contains(&s) {
             assert_eq!(found.time, at(s).time);

@@ -46,9 +46,9 @@ fn a_forecast_that_is_taken_over_is_the_one_that_would_be_made() {
         for cfg in both(candidates) {
             let localizer = Localizer::new(Arc::clone(&older), cfg.clone()).expect("fits");
             // Nobody has asked yet, so there is nothing to take over but models.
-            let fresh = (localizer.on_newer(Arc::clone(&newer))).expect("fits");
+            let fresh = (localizer.with_snapshot(Arc::clone(&newer))).expect("fits");
             let before = answers(&localizer);
-            let asked = (localizer.on_newer(Arc::clone(&newer))).expect("fits");
+            let asked = (localizer.with_snapshot(Arc::clone(&newer))).expect("fits");
             let expected = answers(&fresh);
             assert!(answers(&asked) == expected, "{cfg:?}");
             assert!(before != expected, "the maps differ");
@@ -59,7 +59,7 @@ fn a_forecast_that_is_taken_over_is_the_one_that_would_be_made() {
                     .collect(),
                 ..(*newer).clone()
             };
-            let apart = localizer.on_newer(Arc::new(apart)).expect("fits");
+            let apart = localizer.with_snapshot(Arc::new(apart)).expect("fits");
             assert!(answers(&apart) == expected, "{cfg:?}");
             if !cfg.calibrated() && candidates == Candidates::Exact {
                 let anew = Localizer::new(Arc::clone(&newer), cfg).expect("fits");
@@ -75,12 +75,12 @@ fn a_map_that_lost_places_is_one_to_go_on_with() {
     let [_, cfg] = both(Candidates::Exact);
     let localizer = Localizer::new(newer, cfg.clone()).expect("fits");
     answers(&localizer);
-    let shorter = (localizer.on_newer(Arc::clone(&older))).expect("fits");
+    let shorter = (localizer.with_snapshot(Arc::clone(&older))).expect("fits");
     let anew = Localizer::new(older, cfg).expect("fits");
     assert!(answers(&shorter) == answers(&anew));
     let nothing = Snapshot::empty(anew.snapshot().meta.clone());
     let error = localizer
-        .on_newer(Arc::new(nothing))
+        .with_snapshot(Arc::new(nothing))
         .expect_err("no places");
     assert!(error.to_string().contains("no places"), "{error}");
 }

@@ -402,7 +402,7 @@ impl<'o> Guide<'o> {
         let mask = both(picture.mask.as_ref(), self.mask.as_ref())?;
         let place = &self.localizer.snapshot().node(id).key;
         if let Some(newer) = student.observe(place, picture, mask.as_ref(), live)? {
-            self.localizer = self.localizer.on_newer(newer)?;
+            self.localizer = self.localizer.with_snapshot(newer)?;
             self.scratch = self.localizer.scratch();
         }
         Ok(())

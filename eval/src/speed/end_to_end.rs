@@ -121,7 +121,7 @@ pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measu
     ] {
         let start = Instant::now();
         localizer = localizer.with_candidates(kind);
-        localizer.anticipate(time);
+        localizer.prefetch(time);
         let build_ms = start.elapsed().as_secs_f64() * 1e3;
         let listed = Asked::of(&localizer, material, time)?;
         let same = (listed.first.iter().zip(&exact.first)).filter(|(ours, exact)| ours == exact);
@@ -233,7 +233,7 @@ fn predict(localizer: &Localizer, time: Time) -> Result<Vec<f64>> {
     let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     let ms = (1..=4).map(|hour| {
         let start = Instant::now();
-        alone.install(|| localizer.anticipate(time.plus_us(hour * HOUR_US)));
+        alone.install(|| localizer.prefetch(time.plus_us(hour * HOUR_US)));
         start.elapsed().as_secs_f64() * 1e3
     });
     Ok(ms.collect())

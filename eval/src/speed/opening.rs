@@ -107,11 +107,11 @@ fn going_on(older: &Localizer, material: &Material, time: Time) -> Result<Vec<f6
         image_size: None,
     });
     // Nothing is predicted yet, so all of it will be made anew.
-    let anew = older.on_newer(Arc::clone(&newer))?;
-    older.anticipate(time);
+    let anew = older.with_snapshot(Arc::clone(&newer))?;
+    older.prefetch(time);
     let mut took = Vec::new();
     for _ in 0..NUM_TIMES {
-        let (localizer, ms) = timed(|| Ok(older.on_newer(Arc::clone(&newer))?))?;
+        let (localizer, ms) = timed(|| Ok(older.with_snapshot(Arc::clone(&newer))?))?;
         took.push(ms);
         if let Some(query) = &query {
             ensure!(

@@ -82,7 +82,7 @@ impl NearestNeighbours for ExactSearch {
         queries: &[Descriptor],
         out: &mut [NearestTwo],
     ) {
-        self.kernel.nearest_two_packed(queries, &self.rows, out);
+        self.kernel.nearest_two(queries, &self.rows, out);
     }
 
     fn num_rows(&self) -> usize {
@@ -137,7 +137,7 @@ impl BinaryWords {
     pub fn words_into(&self, scratch: &mut SearchScratch, rows: &[Descriptor], out: &mut Vec<u32>) {
         let found = &mut scratch.found;
         found.resize(rows.len(), NearestTwo::EMPTY);
-        (self.kernel).nearest_two_packed(rows, &self.centroids, found);
+        (self.kernel).nearest_two(rows, &self.centroids, found);
         out.extend(found.iter().map(|found| found.best));
     }
 }
@@ -372,7 +372,7 @@ fn learn_centroids(rows: &[Descriptor], num_lists: usize, kernel: Kernel) -> Vec
     let mut ones = vec![[0_u32; 256]; num_lists];
     for _ in 0..ROUNDS {
         packed.repack(&centroids);
-        kernel.nearest_two_packed(&samples, &packed, &mut nearest);
+        kernel.nearest_two(&samples, &packed, &mut nearest);
         members.fill(0);
         ones.fill([0; 256]);
         for (sample, found) in samples.iter().zip(&nearest) {

@@ -177,7 +177,7 @@ impl Matcher {
         of_map.clear();
         if is_map_asking || self.cfg.mutual() {
             of_map.resize(map.len(), NearestTwo::EMPTY);
-            (self.kernel).nearest_two_packed(map.descriptors, train, of_map);
+            (self.kernel).nearest_two(map.descriptors, train, of_map);
         }
         let mut start = 0;
         let mut report = |part: usize, of_live: Option<&[NearestTwo]>| {
@@ -263,7 +263,7 @@ impl Matcher {
     ) {
         packed.repack(train);
         out.resize(queries.len(), NearestTwo::EMPTY);
-        self.kernel.nearest_two_packed(queries, packed, out);
+        self.kernel.nearest_two(queries, packed, out);
     }
 
     /// Rules 2 to 6 for `asked`: (asking id, its nearest two). `answered`, where the mutual check is

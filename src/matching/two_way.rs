@@ -143,10 +143,10 @@ impl TwoWay {
     ) {
         self.live_to_map.resize(live.len(), NearestTwo::EMPTY);
         self.packed.repack(map.descriptors);
-        kernel.nearest_two_packed(live.descriptors, &self.packed, &mut self.live_to_map);
+        kernel.nearest_two(live.descriptors, &self.packed, &mut self.live_to_map);
         self.map_to_live.resize(map.len(), NearestTwo::EMPTY);
         self.packed.repack(live.descriptors);
-        kernel.nearest_two_packed(map.descriptors, &self.packed, &mut self.map_to_live);
+        kernel.nearest_two(map.descriptors, &self.packed, &mut self.map_to_live);
 
         let map_to_live = &self.map_to_live;
         let verdicts = self.live_to_map.iter().zip(0..).map(|(nearest, id)| {

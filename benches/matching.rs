@@ -96,8 +96,8 @@ fn prefixes(c: &mut Criterion) {
     let live = features(random.descriptors(NUM_QUERIES));
     let map = features(random.descriptors(300));
     let cfg = MatchConfig::builder()
-        .direction(Direction::LiveToMap)
-        .max_bits(256)
+        .with_direction(Direction::LiveToMap)
+        .with_max_bits(256)
         .build()
         .expect("valid");
     let mut scratch = MatchScratch::default();

@@ -60,23 +60,21 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut busy = Duration::ZERO;
     for entry in world.dataset("2024", &schedule.query).entries {
         let (features, image_size) = look(&extractor, &entry)?;
-        let query = Query {
-            features: &features,
-            time: Some(entry.time),
-            image_size: Some(image_size),
-        };
+        let query = Query::new(&features)
+            .at(entry.time)
+            .with_image_size(image_size);
         let started = Instant::now();
         localizer.localize_into(&mut scratch, &query, &mut answer)?;
         busy += started.elapsed();
         let belief = match answer.decision {
             Decision::At(node) => localizer.snapshot().node(node).key.as_str(),
             Decision::Ambiguous => "ambiguous",
-            Decision::Unknown => "unknown",
+            _ => "unknown",
         };
         match answer.decision {
             Decision::At(_) if belief == entry.place.as_str() => num_right += 1,
             Decision::At(_) => num_wrong += 1,
-            Decision::Ambiguous | Decision::Unknown => num_undecided += 1,
+            _ => num_undecided += 1,
         }
         println!(
             "{} at {}: {belief} ({})",

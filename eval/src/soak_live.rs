@@ -285,16 +285,14 @@ impl Drive<'_> {
                 scratch = localizer.scratch();
             }
             let features = extractor.extract(&frame.image, None)?;
-            let query = Query {
-                features: &features,
-                time: Some(frame.stamp),
-                image_size: Some(self.image_size),
-            };
+            let query = Query::new(&features)
+                .at(frame.stamp)
+                .with_image_size(self.image_size);
             localizer.localize_into(&mut scratch, &query, &mut answer)?;
             let answer_us = frame.taken.elapsed().as_secs_f64() * 1e6;
             let found = match answer.decision {
                 Decision::At(node) => Some(localizer.snapshot().node(node).key.clone()),
-                Decision::Ambiguous | Decision::Unknown => None,
+                _ => None,
             };
             let truth = &self.world.places()[frame.place];
             let is_right = found.as_ref() == Some(truth);

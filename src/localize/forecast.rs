@@ -99,6 +99,7 @@ impl Forecast {
         match finder {
             Finder::Exact => None,
             Finder::Inverted(_) => self.voting.as_ref().map(|voting| voting as _),
+            #[cfg(feature = "hnsw")]
             Finder::Words(signatures) => Some(signatures.as_ref() as _),
         }
     }

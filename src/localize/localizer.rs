@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::candidates::{Finder, LENGTH};
-use super::config::{Candidates, LocalizerConfig, Score};
+use super::config::{LocalizerConfig, PlaceSearch, Score};
 use super::evidence::{self, Calibration, Expectation, Hits, LogMean, as_evidence};
 use super::forecast::{Forecast, ForecastSource, Forecasts};
 use super::localization::Localization;
@@ -113,9 +113,11 @@ impl Localizer {
     }
 
     /// The same with candidates found in another way; models are not fitted again.
-    #[must_use]
-    pub fn with_candidates(self, candidates: Candidates) -> Self {
-        self.with_cfg(|cfg| cfg.with_candidates(candidates))
+    ///
+    /// Fails with [`ErrorKind::Config`](fremen::ErrorKind::Config) if this crate was built without that way.
+    pub fn with_place_search(self, place_search: PlaceSearch) -> Result<Self> {
+        self.cfg().clone().with_place_search(place_search).check()?;
+        Ok(self.with_cfg(|cfg| cfg.with_place_search(place_search)))
     }
 
     fn with_cfg(mut self, change: impl FnOnce(LocalizerConfig) -> LocalizerConfig) -> Self {
@@ -383,7 +385,7 @@ impl Localizer {
         scratch.scores.resize(self.map.plans.len(), least);
         let calibration = calibration.posterior_calibration(score, self.typical_size(out));
         let (scores, posterior) = (&scratch.scores, &mut scratch.posterior);
-        out.elsewhere = calibration.posterior_into(scores, self.cfg().elsewhere(), posterior);
+        out.off_map = calibration.posterior_into(scores, self.cfg().off_map(), posterior);
         for (candidate, &posterior) in out.ranking.iter_mut().zip(&*posterior) {
             candidate.posterior = posterior;
         }
@@ -399,14 +401,14 @@ impl Localizer {
             .map(|&value| as_evidence(score, value))
             .collect();
         let mut posterior = Vec::new();
-        let off_map = calibration.posterior_into(&evidence, self.cfg().elsewhere(), &mut posterior);
+        let off_map = calibration.posterior_into(&evidence, self.cfg().off_map(), &mut posterior);
         Some((posterior, off_map))
     }
 
     /// The number of features that the scores are made of: n, or what a threshold leaves on average.
     fn typical_size(&self, out: &Localization) -> usize {
         match self.cfg().selection() {
-            Selection::Top(n) => n,
+            Selection::Top(n) => n.get(),
             Selection::Threshold(_) => {
                 let total: usize = out.ranking.iter().map(|it| it.predicted.len()).sum();
                 total / out.ranking.len().max(1)

@@ -42,12 +42,12 @@ mod sweep;
 mod tracking;
 mod verify;
 
-pub use config::{Candidates, Evidence, LocalizerConfig, Method, Preset, Score};
+pub use config::{EvidencePart, LocalizerConfig, Method, PlaceSearch, Preset, Score};
 pub use evidence::{ATTACHMENT, Calibration, Curve, PosteriorCalibration};
-pub use index_cache::QueryForm;
+pub use index_cache::IndexCache;
 pub use localization::{Candidate, Decision, EvidenceMatch, Localization, Reason};
 pub use localizer::Localizer;
 pub use query::Query;
 pub use scratch::Scratch;
-pub use sweep::{Sweep, Tally};
+pub use sweep::{PlaceScores, Sweep};
 pub use tracking::{EdgeMotion, Motion, MotionConfig, Tracker, Transitions};

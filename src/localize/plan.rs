@@ -57,6 +57,7 @@ pub(super) struct Likely {
 impl PlannedMap {
     /// Fits the model of every place, on the threads of the caller's rayon pool.
     pub(super) fn new(snapshot: Arc<Snapshot>, cfg: LocalizerConfig) -> Result<Self> {
+        cfg.check()?;
         let plans = (snapshot.nodes.par_iter())
             .map(|node| Plan::of(node, &cfg).map(Arc::new))
             .collect::<Result<_>>()?;
@@ -183,7 +184,7 @@ impl PlannedMap {
     /// How many features of an appearance the configured selection takes.
     pub(super) fn largest_size(&self) -> usize {
         match self.cfg.selection() {
-            Selection::Top(n) => n,
+            Selection::Top(n) => n.get(),
             Selection::Threshold(_) => usize::MAX,
         }
     }

@@ -1,4 +1,4 @@
-//! Which rows of a large set are nearest, without asking all of them?
+//! Which rows of a large set are nearest, without a distance to each of them?
 //!
 //! An [`InvertedFile`] puts every row into the list of its nearest centroid and searches the lists of
 //! the `probes` centroids that are nearest to the query. With `m` rows in `c` lists a query costs
@@ -58,7 +58,7 @@ pub struct SearchScratch {
     found: Vec<NearestTwo>,
 }
 
-/// Asks every row.
+/// Compares a query with every row.
 #[derive(Clone, Debug)]
 pub struct ExactSearch {
     rows: PackedDescriptors,
@@ -142,7 +142,7 @@ impl BinaryWords {
     }
 }
 
-/// Asks the rows that are in the lists of the nearest centroids.
+/// Compares a query with the rows in the lists of its nearest centroids.
 #[derive(Clone, Debug)]
 pub struct InvertedFile {
     words: BinaryWords,

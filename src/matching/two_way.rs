@@ -16,7 +16,7 @@ use crate::feature::FeaturesView;
 use crate::simd::{Kernel, NearestTwo, PackedDescriptors};
 use fremen::error::{Error, Result};
 
-use super::config::{Window, passes_ratio, require_ratio};
+use super::config::{Direction, MatchConfig, Window, passes_ratio, require_ratio};
 use super::matcher::Match;
 
 /// The numbers of the two-way comparison; the default is the recipe's own.
@@ -69,7 +69,7 @@ impl TwoWayConfig {
 impl Default for TwoWayConfig {
     /// Ratio 0.7, `|dx| < 400`, `|dy| < 50`.
     fn default() -> Self {
-        let lttl = super::MatchConfig::lttl(super::Direction::LiveToMap);
+        let lttl = MatchConfig::lttl(Direction::LiveToMap);
         Self(Fields {
             ratio: lttl.ratio().unwrap_or(0.7),
             accept_lone: lttl.accept_lone(),

@@ -18,6 +18,7 @@
 mod reference_visits;
 
 use std::collections::BinaryHeap;
+use std::num::NonZeroUsize;
 
 pub use reference_visits::ReferenceVisits;
 
@@ -31,8 +32,8 @@ use fremen::visibility::VisibilityModel;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", try_from = "SelectionText")]
 pub enum Selection {
-    /// The `n` most likely; all, if the place has fewer.
-    Top(usize),
+    /// The n most likely ([`Selection::top`]); all, if the place has fewer.
+    Top(NonZeroUsize),
     /// Every feature with p(t) at or above this.
     Threshold(f64),
 }
@@ -58,13 +59,15 @@ impl TryFrom<SelectionText> for Selection {
 impl Selection {
     /// The `n` most likely; `n` must be positive.
     pub fn top(n: usize) -> Result<Self> {
-        if n == 0 {
-            return Err(
-                Error::new(ErrorKind::Config, "cannot predict 0 features a place")
-                    .with_help("choose n from 1; 50 is a good start"),
-            );
-        }
-        Ok(Self::Top(n))
+        NonZeroUsize::new(n).map(Self::Top).ok_or_else(|| {
+            Error::new(ErrorKind::Config, "cannot predict 0 features a place")
+                .with_help("choose n from 1; 50 is a good start")
+        })
+    }
+
+    /// The `n` most likely of which the caller knows that there is at least one; 0 counts as 1.
+    pub(crate) fn at_least_one(n: usize) -> Self {
+        Self::Top(NonZeroUsize::new(n).unwrap_or(NonZeroUsize::MIN))
     }
 
     /// Every feature with p(t) >= `p`; `p` must be in [0, 1].
@@ -82,6 +85,7 @@ impl Selection {
 /// Which features are kept first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Choice {
     /// The most likely (T-RO 2017 VII).
     Likeliest,
@@ -203,6 +207,7 @@ impl PredictedMap {
         self.keys.clear();
         match selection {
             Selection::Top(n) => {
+                let n = n.get();
                 self.keys.extend(keys(&self.scores));
                 if n < self.keys.len() {
                     self.keys.select_nth_unstable(n);
@@ -279,7 +284,7 @@ impl PredictedMap {
     ) {
         assert_eq!(references.seen().len(), model.num_features());
         let selection = match selection {
-            Selection::Top(n) => Selection::Top(COVERING_POOL.max(n)),
+            Selection::Top(n) => Selection::at_least_one(COVERING_POOL.max(n.get())),
             all @ Selection::Threshold(_) => all,
         };
         self.shortlist(model, time, selection);
@@ -300,7 +305,7 @@ impl PredictedMap {
         }));
         let mut gains = BinaryHeap::from(gains);
         self.features.clear();
-        while self.features.len() < n
+        while self.features.len() < n.get()
             && let Some(stale) = gains.pop()
         {
             let id = !(stale as u32);
@@ -410,15 +415,21 @@ mod tests {
 
     #[test]
     fn the_most_likely_come_first_and_ties_rank_by_id() {
-        let map = predicted(&[0.5, 1.2, 0.5 + 1e-13, 1.1, 0.0], Selection::Top(4));
+        let map = predicted(
+            &[0.5, 1.2, 0.5 + 1e-13, 1.1, 0.0],
+            Selection::at_least_one(4),
+        );
         assert_eq!(map.features(), [1, 3, 0, 2]);
         assert_eq!(map.probabilities()[..2], [1.0, 1.0]);
     }
 
     #[test]
     fn n_above_the_place_keeps_everything() {
-        assert_eq!(predicted(&[0.1, 0.2], Selection::Top(9)).features(), [1, 0]);
-        assert!(predicted(&[], Selection::Top(9)).is_empty());
+        assert_eq!(
+            predicted(&[0.1, 0.2], Selection::at_least_one(9)).features(),
+            [1, 0]
+        );
+        assert!(predicted(&[], Selection::at_least_one(9)).is_empty());
     }
 
     #[test]
@@ -430,10 +441,10 @@ mod tests {
     #[test]
     fn the_first_n_are_the_same_for_every_larger_n() {
         let scores: Vec<f64> = (0..97).map(|i| f64::from(i * 37 % 19) / 19.0).collect();
-        let all = predicted(&scores, Selection::Top(97));
+        let all = predicted(&scores, Selection::at_least_one(97));
         for n in [1, 5, 50] {
             assert_eq!(
-                predicted(&scores, Selection::Top(n)).features(),
+                predicted(&scores, Selection::at_least_one(n)).features(),
                 &all.features()[..n]
             );
         }
@@ -455,10 +466,15 @@ mod tests {
     fn a_covering_choice_keeps_features_of_every_appearance() {
         let model = Table(vec![0.75, 0.75, 0.75, 0.75, 0.75, 0.75, 0.25, 0.25]);
         let mut map = PredictedMap::new();
-        map.predict(&model, Time::default(), Selection::Top(6));
+        map.predict(&model, Time::default(), Selection::at_least_one(6));
         assert_eq!(map.features(), [0, 1, 2, 3, 4, 5]);
         let references = summer_and_winter();
-        map.predict_covering(&model, Time::default(), Selection::Top(6), &references);
+        map.predict_covering(
+            &model,
+            Time::default(),
+            Selection::at_least_one(6),
+            &references,
+        );
         // Worth of a summer feature after k others: 0.75 / (1 + k / 2), which is down to 0.25 for k = 4.
         assert_eq!(map.features()[0], 0);
         let winter: Vec<usize> = (0..6).filter(|&at| map.features()[at] >= 6).collect();
@@ -471,11 +487,21 @@ mod tests {
         let model = Table(vec![0.75, 0.5, 0.6, 0.75, 0.3, 0.7, 0.25, 0.2]);
         let references = summer_and_winter();
         let mut all = PredictedMap::new();
-        all.predict_covering(&model, Time::default(), Selection::Top(8), &references);
+        all.predict_covering(
+            &model,
+            Time::default(),
+            Selection::at_least_one(8),
+            &references,
+        );
         assert_eq!(all.len(), 8);
         let mut map = PredictedMap::new();
         for n in 1..8 {
-            map.predict_covering(&model, Time::default(), Selection::Top(n), &references);
+            map.predict_covering(
+                &model,
+                Time::default(),
+                Selection::at_least_one(n),
+                &references,
+            );
             assert_eq!(map.features(), &all.features()[..n]);
         }
     }

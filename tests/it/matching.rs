@@ -112,11 +112,11 @@ proptest! {
         let direction = if is_map_asking { Direction::MapToLive } else { Direction::LiveToMap };
         let window = has_window.then(|| Window::new(20.0, 10.0).unwrap());
         let cfg = MatchConfig::builder()
-            .direction(direction)
-            .mutual(mutual)
-            .unique(unique)
-            .window(window)
-            .max_bits(max_bits)
+            .with_direction(direction)
+            .with_mutual(mutual)
+            .with_unique(unique)
+            .with_window(window)
+            .with_max_bits(max_bits)
             .build()
             .unwrap();
         let mut map = Features::new();
@@ -272,13 +272,13 @@ fn config() -> impl Strategy<Value = MatchConfig> {
             |(direction, max_bits, ratio, [lone, mutual, unique], windowed)| {
                 let window = windowed.then(|| Window::new(25.0, 15.0).ok()).flatten();
                 MatchConfig::builder()
-                    .direction(direction)
-                    .max_bits(max_bits)
-                    .ratio(ratio)
-                    .accept_lone(lone)
-                    .mutual(mutual)
-                    .unique(unique)
-                    .window(window)
+                    .with_direction(direction)
+                    .with_max_bits(max_bits)
+                    .with_ratio(ratio)
+                    .with_accept_lone(lone)
+                    .with_mutual(mutual)
+                    .with_unique(unique)
+                    .with_window(window)
                     .build()
                     .ok()
             },
@@ -339,7 +339,7 @@ proptest! {
     fn selecting_from_evidence_equals_matching_the_selected_map(
         cfg in config(), map in features(40), live in features(20), keep in any::<u64>(),
     ) {
-        let cfg = cfg.to_builder().direction(Direction::MapToLive).mutual(false).build().unwrap();
+        let cfg = cfg.to_builder().with_direction(Direction::MapToLive).with_mutual(false).build().unwrap();
         let ids: Vec<u32> = (0..map.len() as u32).filter(|id| keep >> id & 1 == 1).collect();
         let matcher = Matcher::new(cfg.clone());
         let mut scratch = MatchScratch::default();
@@ -356,9 +356,9 @@ proptest! {
 
     #[test]
     fn mutual_matching_is_symmetric(map in features(40), live in features(40)) {
-        let mutual = MatchConfig::builder().max_bits(256).mutual(true);
+        let mutual = MatchConfig::builder().with_max_bits(256).with_mutual(true);
         let from = |direction, a: &Features, b: &Features| {
-            let mut found = matches(&mutual.clone().direction(direction).build().unwrap(), a, b);
+            let mut found = matches(&mutual.clone().with_direction(direction).build().unwrap(), a, b);
             found.sort_unstable_by_key(|m| (m.map, m.live));
             found
         };
@@ -374,7 +374,7 @@ proptest! {
 
     #[test]
     fn a_live_feature_is_used_once(map in features(40), live in features(10)) {
-        let cfg = MatchConfig::builder().max_bits(256).build().unwrap();
+        let cfg = MatchConfig::builder().with_max_bits(256).build().unwrap();
         let found = matches(&cfg, &map, &live);
         let mut used: Vec<_> = found.iter().map(|m| m.live).collect();
         used.sort_unstable();
@@ -463,7 +463,7 @@ proptest! {
     fn shifting_all_live_keypoints_shifts_the_vote_and_changes_no_count(
         map in features(30), live in features(30), dx in -50..50_i16, dy in -50..50_i16,
     ) {
-        let cfg = MatchConfig::builder().max_bits(256).unique(false).build().unwrap();
+        let cfg = MatchConfig::builder().with_max_bits(256).with_unique(false).build().unwrap();
         let found = matches(&cfg, &map, &live);
         let shifted: Vec<_> = live
             .keypoints()

@@ -18,8 +18,8 @@ use chronotope::feature::{
     Extractor, ExtractorConfig, Features, GrayImage, LoadOptions, load_mask,
 };
 use chronotope::localize::{
-    Candidate, Decision, Localization, Localizer, LocalizerConfig, Method, MotionConfig, Preset,
-    Query, QueryForm, Score, Scratch, Tracker,
+    Candidate, Decision, IndexCache, Localization, Localizer, LocalizerConfig, Method,
+    MotionConfig, Preset, Query, Score, Scratch, Tracker,
 };
 use chronotope::map::{Map, MapMeta, NodeId, PlaceKey, Snapshot};
 use chronotope::predict::Selection;
@@ -81,8 +81,8 @@ pub(super) struct LocalizeArgs {
     /// Whether to keep what is worked out of the map in a file beside it, MAP.*.query, so that the next
     /// call starts at once: `auto` where that took more than a second. Answers are the same without, and
     /// the files may be deleted at any time. --learn has none.
-    #[arg(long, value_name = "WHEN", default_value_t, value_parser = named::<QueryForm>(QueryForm::ALL.map(QueryForm::name)))]
-    query_form: QueryForm,
+    #[arg(long, value_name = "WHEN", default_value_t, value_parser = named::<IndexCache>(IndexCache::ALL.map(IndexCache::name)))]
+    query_form: IndexCache,
     /// One JSON object for each image.
     #[arg(long)]
     json: bool,
@@ -121,7 +121,7 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
     let localizer = match &learnt {
         Some(map) => Localizer::new(map.snapshot(), config.localize)
             .map_err(|error| error.with_path(path))?,
-        None => Localizer::open_by(path, config.localize, args.query_form)?,
+        None => Localizer::open_with(path, config.localize, args.query_form)?,
     };
     let mut guide = Guide::new(path, localizer, args.mask.as_deref(), trace, results)?;
     if args.track {
@@ -325,7 +325,7 @@ impl<'o> Guide<'o> {
                 "warning: the map has no edges, so the robot may go from any place to any other"
             );
         }
-        self.tracker = Some(Tracker::new(snapshot, motion));
+        self.tracker = Some(Tracker::new(snapshot, motion)?);
         Ok(())
     }
 
@@ -423,11 +423,9 @@ impl<'o> Guide<'o> {
         let live = self.extractor.extract(&picture.image, mask.as_ref())?;
         let extract = Stage::since("extract", start);
         let start = Instant::now();
-        let query = Query {
-            features: &live,
-            time: picture.time.map(|(time, _)| time),
-            image_size: Some((picture.image.width() as u32, picture.image.height() as u32)),
-        };
+        let query = Query::new(&live)
+            .at(picture.time.map(|(time, _)| time))
+            .with_image_size((picture.image.width() as u32, picture.image.height() as u32));
         (self.localizer).localize_into(&mut self.scratch, &query, &mut self.answer)?;
         if let Some(tracker) = &mut self.tracker {
             tracker.update(self.localizer.cfg(), &mut self.answer)?;
@@ -541,7 +539,7 @@ impl<'a> Report<'a> {
         let (decision, place) = match answer.decision {
             Decision::At(id) => ("at", Some(key(id))),
             Decision::Ambiguous => ("ambiguous", None),
-            Decision::Unknown => ("unknown", None),
+            _ => ("unknown", None),
         };
         Self {
             image: &picture.name,
@@ -552,7 +550,7 @@ impl<'a> Report<'a> {
             best: first.map(share),
             second: answer.ranking.get(1).map(share),
             tied: answer.tied,
-            elsewhere: answer.elsewhere,
+            elsewhere: answer.off_map,
             reason: answer.reason.to_string(),
             displacement_px: vote.map(|vote| [vote.median.dx_px, vote.median.dy_px]),
             displacement_spread_px: vote.map(|vote| [vote.spread.dx_px, vote.spread.dy_px]),

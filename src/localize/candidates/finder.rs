@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use super::shortlist::LENGTH;
+#[cfg(feature = "hnsw")]
 use super::signatures::Signatures;
 use super::words::learn_words;
-use crate::localize::config::{Candidates, LocalizerConfig};
+use crate::localize::config::{LocalizerConfig, PlaceSearch};
 use crate::map::Snapshot;
 use crate::matching::BinaryWords;
 use crate::predict::Selection;
@@ -22,18 +23,23 @@ pub(in crate::localize) enum Finder {
     Exact,
     /// The words of the lists that are made of each forecast.
     Inverted(Arc<BinaryWords>),
+    #[cfg(feature = "hnsw")]
     Words(Arc<Signatures>),
 }
 
 impl Finder {
     pub(in crate::localize) fn new(snapshot: &Snapshot, cfg: &LocalizerConfig) -> Self {
         match Self::kind(snapshot, cfg) {
-            Candidates::Auto | Candidates::Exact => Self::Exact,
-            Candidates::Inverted => {
+            PlaceSearch::Auto | PlaceSearch::Exact => Self::Exact,
+            // The configuration was refused before.
+            #[cfg(not(feature = "hnsw"))]
+            PlaceSearch::Words => Self::Exact,
+            PlaceSearch::Inverted => {
                 let words = learn_words(snapshot, Self::num_words(snapshot, cfg));
                 Self::Inverted(Arc::new(words))
             }
-            Candidates::Words => Self::Words(Arc::new(Signatures::of(snapshot))),
+            #[cfg(feature = "hnsw")]
+            PlaceSearch::Words => Self::Words(Arc::new(Signatures::of(snapshot))),
         }
     }
 
@@ -45,7 +51,7 @@ impl Finder {
     ) -> Self {
         match self {
             Self::Inverted(words)
-                if Self::kind(snapshot, cfg) == Candidates::Inverted
+                if Self::kind(snapshot, cfg) == PlaceSearch::Inverted
                     && Self::num_words(snapshot, cfg) <= 2 * words.len() =>
             {
                 self.clone()
@@ -64,13 +70,13 @@ impl Finder {
     }
 
     /// What candidates are found by in this map.
-    fn kind(snapshot: &Snapshot, cfg: &LocalizerConfig) -> Candidates {
-        match cfg.candidates() {
-            _ if snapshot.nodes.len() <= LENGTH => Candidates::Exact,
-            Candidates::Auto if Self::num_predicted(snapshot, cfg) < MIN_PREDICTED => {
-                Candidates::Exact
+    fn kind(snapshot: &Snapshot, cfg: &LocalizerConfig) -> PlaceSearch {
+        match cfg.place_search() {
+            _ if snapshot.nodes.len() <= LENGTH => PlaceSearch::Exact,
+            PlaceSearch::Auto if Self::num_predicted(snapshot, cfg) < MIN_PREDICTED => {
+                PlaceSearch::Exact
             }
-            Candidates::Auto => Candidates::Inverted,
+            PlaceSearch::Auto => PlaceSearch::Inverted,
             chosen => chosen,
         }
     }
@@ -78,7 +84,7 @@ impl Finder {
     /// Features that are predicted of all places, at most.
     fn num_predicted(snapshot: &Snapshot, cfg: &LocalizerConfig) -> usize {
         match cfg.selection() {
-            Selection::Top(n) => n.saturating_mul(snapshot.nodes.len()),
+            Selection::Top(n) => n.get().saturating_mul(snapshot.nodes.len()),
             Selection::Threshold(_) => snapshot.nodes.iter().map(|it| it.features.len()).sum(),
         }
     }

@@ -27,6 +27,7 @@
 
 mod finder;
 mod shortlist;
+#[cfg(feature = "hnsw")]
 mod signatures;
 mod voting;
 mod words;

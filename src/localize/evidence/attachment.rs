@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::rates::Calibration;
-use crate::localize::config::{Candidates, LocalizerConfig, Score};
+use crate::localize::config::{LocalizerConfig, PlaceSearch, Score};
 use crate::map::Snapshot;
 use crate::predict::Selection;
 use fremen::error::{Error, ErrorKind, Result};
@@ -63,13 +63,13 @@ pub(in crate::localize) fn attached(
 fn key(snapshot: &Snapshot, cfg: &LocalizerConfig) -> Result<Key> {
     // What is predicted of a place later, and what is made of the answer, is not learnt from.
     let cfg = (cfg.clone())
-        .with_selection(Selection::Top(1))
+        .with_selection(Selection::at_least_one(1))
         .with_score(Score::Likelihood)
-        .with_elsewhere(0.5)
+        .with_off_map(0.5)
         .with_risk(0.5)
         .with_min_score(1)
         .with_time_bucket_s(0)
-        .with_candidates(Candidates::Exact);
+        .with_place_search(PlaceSearch::Exact);
     let cfg = serde_json::to_vec(&cfg).map_err(|cause| {
         Error::new(
             ErrorKind::Config,

@@ -253,7 +253,8 @@ impl PlannedMap {
         match plan {
             Plan::Predicted { model, references } => {
                 // What was born in the held-out visits is left out, so more has to be predicted.
-                let selection = Selection::Top(if own.is_some() { 2 * most } else { most });
+                let selection =
+                    Selection::at_least_one(if own.is_some() { 2 * most } else { most });
                 let predicted = &mut scratch.predicted;
                 self.choose(
                     predicted,

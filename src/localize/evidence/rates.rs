@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use super::curve::Curve;
 use super::posterior::{PosteriorCalibration, prior_calibration};
 use crate::feature::FeaturesView;
-use crate::localize::config::{Evidence, Score};
+use crate::localize::config::{EvidencePart, Score};
 use crate::map::{NodeId, Snapshot};
 use crate::matching::Displacement;
 
@@ -130,15 +130,15 @@ impl Calibration {
     }
 
     /// Leaves out what the configuration does not want.
-    pub(super) fn forget(&mut self, without: &[Evidence]) {
+    pub(super) fn forget(&mut self, without: &[EvidencePart]) {
         for evidence in without {
             match evidence {
-                Evidence::Appearances => self.uses_references = false,
-                Evidence::Distances => self.distance_log_ratios.fill(0.0),
-                Evidence::Displacement => self.displacement = None,
-                Evidence::FalseRates => self.false_counts.clear(),
-                Evidence::Repeatability => self.repeatability.clear(),
-                Evidence::OutlierMatches => self.outlier_rates.clear(),
+                EvidencePart::Appearances => self.uses_references = false,
+                EvidencePart::Distances => self.distance_log_ratios.fill(0.0),
+                EvidencePart::Displacement => self.displacement = None,
+                EvidencePart::FalseRates => self.false_counts.clear(),
+                EvidencePart::Repeatability => self.repeatability.clear(),
+                EvidencePart::OutlierMatches => self.outlier_rates.clear(),
             }
         }
     }

@@ -97,9 +97,10 @@ fn prefixes(c: &mut Criterion) {
     let map = features(random.descriptors(300));
     let cfg = MatchConfig::builder()
         .with_direction(Direction::LiveToMap)
-        .with_max_bits(256)
-        .build()
-        .expect("valid");
+        .with_max_bits(256);
+    let Ok(cfg) = cfg.build() else {
+        panic!("256 bits are a distance");
+    };
     let mut scratch = MatchScratch::default();
     let mut group = c.benchmark_group("prefixes_into/500x300/13_checkpoints");
     group.throughput(Throughput::Elements((NUM_QUERIES * map.len()) as u64));

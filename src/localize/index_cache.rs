@@ -304,9 +304,10 @@ impl Localizer {
                 .map(|(name, bytes)| (name.clone(), BASE64.encode(bytes)))
                 .collect(),
             calibration: self.calibration.as_deref().cloned(),
-            words: match &self.finder {
-                Finder::Inverted(words) => Some(words.centroids().map(|it| it.0).collect()),
-                _ => None,
+            words: if let Finder::Inverted(words) = &self.finder {
+                Some(words.centroids().map(|it| it.0).collect())
+            } else {
+                None
             },
             rhythms,
             blocks,

@@ -146,7 +146,7 @@ fn a_sweep_says_what_single_localisations_say() {
                     for candidate in &found.ranking {
                         let scores = sweep.scores(candidate.node, size);
                         let score = localizer.cfg().score();
-                        assert_eq!(candidate.score, tally.of(score), "{preset} {method} {n}");
+                        assert_eq!(candidate.score, scores.by(score), "{preset} {method} {n}");
                     }
                 }
             }

@@ -27,7 +27,9 @@ pub(in crate::localize) struct ShortlistScratch {
     /// Distance of the nearest live feature to each row; all ones between searches.
     pub(super) nearest: Vec<u16>,
     pub(super) found: Vec<u32>,
+    #[cfg(feature = "hnsw")]
     pub(super) words: Vec<u32>,
+    #[cfg(feature = "hnsw")]
     pub(super) signature: Vec<f32>,
     /// What speaks for each place.
     pub(super) votes: Vec<(f32, u32)>,

@@ -1,14 +1,15 @@
 //! How many pairs of descriptors per second does each kernel compare, and what does a vote cost?
 //!
 //! `cargo bench --bench matching` prints the throughput in elements per second; an element is one
-//! pair of 256-bit descriptors. Every timed result is compared with the scalar twin's checksum.
+//! pair of 256-bit descriptors. Every timed result is compared with the scalar twin's.
 
 use std::hint::black_box;
 use std::time::Duration;
 
 use chronotope::feature::{Descriptor, Features, Keypoint};
 use chronotope::matching::{
-    Displacement, MatchConfig, MatchScratch, Matcher, VoteConfig, VoteScratch, vote_displacement,
+    Direction, Displacement, MatchConfig, MatchScratch, Matcher, VoteConfig, VoteScratch,
+    vote_displacement,
 };
 use chronotope::simd::{Kernel, NearestTwo, PackedDescriptors};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
@@ -59,7 +60,7 @@ fn nearest_two(c: &mut Criterion) {
         let rows = random.descriptors(num_rows);
         let packed = PackedDescriptors::pack(&rows);
         let mut out = vec![NearestTwo::EMPTY; NUM_QUERIES];
-        Kernel::scalar().nearest_two(&queries, &rows, &mut out);
+        Kernel::scalar().nearest_two(&queries, &packed, &mut out);
         let expected = checksum(&out);
 
         let mut group = c.benchmark_group(format!("nearest_two/{NUM_QUERIES}x{num_rows}"));
@@ -67,13 +68,7 @@ fn nearest_two(c: &mut Criterion) {
         for kernel in Kernel::available() {
             group.bench_function(BenchmarkId::new("packed", kernel), |b| {
                 b.iter(|| {
-                    kernel.nearest_two_packed(&queries, black_box(&packed), &mut out);
-                    assert_eq!(checksum(&out), expected);
-                });
-            });
-            group.bench_function(BenchmarkId::new("slice", kernel), |b| {
-                b.iter(|| {
-                    kernel.nearest_two(&queries, black_box(&rows), &mut out);
+                    kernel.nearest_two(&queries, black_box(&packed), &mut out);
                     assert_eq!(checksum(&out), expected);
                 });
             });
@@ -85,26 +80,42 @@ fn nearest_two(c: &mut Criterion) {
 fn prefixes(c: &mut Criterion) {
     const CHECKPOINTS: [usize; 13] = [5, 10, 15, 20, 25, 30, 40, 50, 75, 100, 150, 200, 300];
     let mut random = SplitMix(2);
-    let queries = random.descriptors(NUM_QUERIES);
-    let rows = random.descriptors(300);
-    let mut out = vec![NearestTwo::EMPTY; NUM_QUERIES];
-    Kernel::scalar().nearest_two(&queries, &rows, &mut out);
-    let expected = checksum(&out);
-
-    let mut group = c.benchmark_group("nearest_two_prefixes/500x300/13_checkpoints");
-    group.throughput(Throughput::Elements((NUM_QUERIES * rows.len()) as u64));
+    let features = |descriptors: Vec<Descriptor>| {
+        let mut features = Features::new();
+        for descriptor in descriptors {
+            let keypoint = Keypoint {
+                x: 0.0,
+                y: 0.0,
+                size: 10.0,
+                response: 1.0,
+            };
+            features.push(keypoint, descriptor);
+        }
+        features
+    };
+    let live = features(random.descriptors(NUM_QUERIES));
+    let map = features(random.descriptors(300));
+    let cfg = MatchConfig::builder()
+        .with_direction(Direction::LiveToMap)
+        .with_max_bits(256);
+    let Ok(cfg) = cfg.build() else {
+        panic!("256 bits are a distance");
+    };
+    let mut scratch = MatchScratch::default();
+    let mut group = c.benchmark_group("prefixes_into/500x300/13_checkpoints");
+    group.throughput(Throughput::Elements((NUM_QUERIES * map.len()) as u64));
+    let mut expected = None;
     for kernel in Kernel::available() {
+        let matcher = Matcher::with_kernel(cfg.clone(), kernel);
         group.bench_function(kernel.name(), |b| {
             b.iter(|| {
-                let mut last = 0;
-                kernel.nearest_two_prefixes(
-                    &queries,
-                    black_box(&rows),
-                    &CHECKPOINTS,
-                    &mut out,
-                    |_, state| last = checksum(state),
-                );
-                assert_eq!(last, expected);
+                let mut last = Vec::new();
+                let (map, live) = (black_box(map.view()), live.view());
+                matcher.prefixes_into(&mut scratch, map, live, &CHECKPOINTS, |_, matches| {
+                    last.clear();
+                    last.extend_from_slice(matches);
+                });
+                assert_eq!(expected.get_or_insert_with(|| last.clone()), &last);
             });
         });
     }

@@ -61,16 +61,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut scratch = localizer.scratch();
     for entry in world.dataset("later", &schedule.query).entries {
         let features = extractor.extract(&entry.source.load()?, None)?;
-        let query = Query {
-            features: &features,
-            time: Some(entry.time),
-            image_size: None,
-        };
+        let query = Query::new(&features).at(entry.time);
         let answer = localizer.localize(&mut scratch, &query)?;
         let belief = match answer.decision {
             Decision::At(node) => localizer.snapshot().node(node).key.to_string(),
             Decision::Ambiguous => "one of several".into(),
-            Decision::Unknown => "unknown".into(),
+            _ => "unknown".into(),
         };
         println!("{}: {belief} ({})", entry.id, answer.reason);
     }

@@ -99,11 +99,7 @@ fn draw_evidence(
     truth: NodeId,
 ) -> Result<(), Box<dyn Error>> {
     let features = extractor.extract(image, None)?;
-    let query = Query {
-        features: &features,
-        time: Some(time),
-        image_size: None,
-    };
+    let query = Query::new(&features).at(time);
     let answer = localizer.localize(&mut localizer.scratch(), &query)?;
     let candidate = (answer.ranking.iter())
         .find(|candidate| candidate.node == truth)

@@ -18,12 +18,10 @@ publish = false
 [workspace]
 [lib]
 path = "$PWD/tests/neon/lib.rs"
-[[test]]
-name = "twin"
-path = "$PWD/tests/neon/twin.rs"
 [dependencies]
-csv = "1.4"
-thiserror = "2.0"
+fremen = { path = "$PWD/crates/fremen" }
+[dev-dependencies]
+proptest = { version = "1.12", default-features = false, features = ["std"] }
 EOF
 if [ "$(uname -m)" != aarch64 ]; then
     qemu=$(command -v qemu-aarch64-static || command -v qemu-aarch64) || {

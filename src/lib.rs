@@ -38,7 +38,7 @@
 //! let mut scratch = localizer.scratch();
 //! for entry in world.dataset("query", &schedule.query).entries {
 //!     let features = extractor.extract(&entry.source.load()?, None)?;
-//!     let query = Query { features: &features, time: Some(entry.time), image_size: None };
+//!     let query = Query::new(&features).at(entry.time);
 //!     let answer = localizer.localize(&mut scratch, &query)?;
 //!     assert_eq!(answer.ranking.len(), 2);
 //!     println!("{}: {:?}, because {}", entry.id, answer.decision, answer.reason);
@@ -93,6 +93,8 @@
 //!
 //! # Features of the crate
 //!
+//! - `hnsw` (by default): candidates of a large map by a graph of place signatures.
+//! - `trace` (by default): one line of JSON for each localisation, with pictures, for dashboards.
 //! - `opencv`: camera and video input, keypoints of ORB, FAST and AGAST. Needs OpenCV 4 and
 //!   libclang.
 //!
@@ -123,10 +125,23 @@ pub mod matching;
 pub mod predict;
 pub mod robot;
 pub mod simd;
+#[cfg(feature = "trace")]
 pub mod trace;
 
 pub use fremen::{Error, ErrorKind, Period, Result, Time};
 pub use fremen::{error, spectrum, time, visibility};
+
+// What threads share, and what is handed from one to another.
+const _: () = {
+    const fn is_shared<T: Send + Sync>() {}
+    const fn is_sent<T: Send>() {}
+    is_shared::<localize::Localizer>();
+    is_shared::<localize::Scratch>();
+    is_shared::<map::Snapshot>();
+    is_shared::<learn::Learner>();
+    // The connection to its file is not shared.
+    is_sent::<map::Map>();
+};
 
 /// The README's examples, so that they compile.
 #[cfg(doctest)]

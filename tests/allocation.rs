@@ -13,7 +13,7 @@ use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
 use chronotope::feature::{Descriptor, Extractor, Features, Keypoint, StarBrief};
 use chronotope::learn::{KeepAppearances, LearnConfig, Learner, Observation};
 use chronotope::localize::{
-    Candidates, Localization, Localizer, LocalizerConfig, Method, Preset, Query, Score,
+    Localization, Localizer, LocalizerConfig, Method, PlaceSearch, Preset, Query, Score,
 };
 use chronotope::map::{
     AppearanceUse, MapMeta, Node, PlaceKey, SessionId, Snapshot, Visit, VisitId,
@@ -134,11 +134,7 @@ fn localising_allocates_nothing_once_warm() {
                 let mut out = Localization::default();
                 let mut all = |out: &mut Localization| {
                     for (time, features) in &street.queries {
-                        let query = Query {
-                            features,
-                            time: Some(*time),
-                            image_size: None,
-                        };
+                        let query = Query::new(features).at(*time);
                         localizer.localize_into(&mut scratch, &query, out).unwrap();
                     }
                 };
@@ -167,11 +163,7 @@ fn a_new_time_bucket_allocates_nothing_once_warm() {
         let (start, features) = &street.queries[0];
         let mut day = |hours: std::ops::Range<i64>| {
             for hour in hours {
-                let query = Query {
-                    features,
-                    time: Some(start.plus_us(hour * 3_600_000_000)),
-                    image_size: None,
-                };
+                let query = Query::new(features).at(start.plus_us(hour * 3_600_000_000));
                 localizer
                     .localize_into(&mut scratch, &query, &mut out)
                     .unwrap();
@@ -229,17 +221,13 @@ fn town() -> Snapshot {
 #[test]
 fn short_lists_of_places_allocate_nothing_once_warm() {
     let snapshot = Arc::new(town());
-    let cfg = LocalizerConfig::default().with_candidates(Candidates::Inverted);
+    let cfg = LocalizerConfig::default().with_place_search(PlaceSearch::Inverted);
     let localizer = Localizer::new(Arc::clone(&snapshot), cfg).unwrap();
     let mut scratch = localizer.scratch();
     let mut out = Localization::default();
     let mut ask_all = || {
         for node in snapshot.nodes.iter().step_by(13) {
-            let query = Query {
-                features: &node.features,
-                time: Some(Time::from_s(1_700_020_000)),
-                image_size: None,
-            };
+            let query = Query::new(&node.features).at(Time::from_s(1_700_020_000));
             localizer
                 .localize_into(&mut scratch, &query, &mut out)
                 .unwrap();

@@ -14,7 +14,7 @@ use chronotope::feature::GrayImage;
 use chronotope::localize::{Decision, Localization, Localizer, Query};
 use chronotope::map::Node;
 use chronotope::predict::Selection;
-use chronotope::trace::{SpectrumSheet, telling};
+use chronotope::trace::{SpectrumSummary, most_informative};
 use chronotope::visibility::{self, VisibilityModel};
 
 use crate::harness::{Fold, live};
@@ -65,7 +65,9 @@ pub fn pictures(
     };
     let key = exhibit.variant.at(n);
     let exhibit = Exhibit {
-        localizer: exhibit.localizer.with_selection(Selection::Top(n as usize)),
+        localizer: exhibit
+            .localizer
+            .with_selection(Selection::top(n as usize)?),
         ..exhibit
     };
     let answered = answered(results, material, &key, prefix);
@@ -99,11 +101,9 @@ fn answered<'r>(
 
 fn localize(material: &Material, exhibit: &Exhibit, entry: usize) -> Result<Localization> {
     let features = live(material, entry, exhibit.num_live);
-    let query = Query {
-        features: &features,
-        time: Some(exhibit.times[entry]),
-        image_size: Some(material.extracted[entry].image_size),
-    };
+    let query = Query::new(&features)
+        .at(exhibit.times[entry])
+        .with_image_size(material.extracted[entry].image_size);
     Ok(exhibit
         .localizer
         .localize(&mut exhibit.localizer.scratch(), &query)?)
@@ -203,13 +203,13 @@ fn feature_picture(
     })
 }
 
-/// The features with most to tell; see [`telling`].
+/// The features with most to tell; see [`most_informative`].
 fn curves(material: &Material, exhibit: &Exhibit) -> Vec<ProbabilityCurve> {
     let Some(query_time) = query_time(exhibit) else {
         return Vec::new();
     };
     let snapshot = exhibit.localizer.snapshot();
-    (telling(&exhibit.localizer, NUM_CURVES).into_iter())
+    (most_informative(&exhibit.localizer, NUM_CURVES).into_iter())
         .filter_map(|(id, feature)| {
             let model = exhibit.localizer.model(id)?;
             Some(curve(
@@ -233,7 +233,7 @@ fn query_time(exhibit: &Exhibit) -> Option<Time> {
 /// The place of the feature with most to tell: its features that were seen most often, those that were
 /// seen early above.
 fn raster(material: &Material, exhibit: &Exhibit) -> Option<Raster> {
-    let (id, _) = telling(&exhibit.localizer, 1).into_iter().next()?;
+    let (id, _) = most_informative(&exhibit.localizer, 1).into_iter().next()?;
     let model = exhibit.localizer.model(id)?;
     let node = exhibit.localizer.snapshot().node(id);
     let times = node.log.times();
@@ -331,8 +331,8 @@ fn curve(
         })
         .collect();
     let spectrum = match material.dataset.clock {
-        Clock::Real => SpectrumSheet::of(times, &history),
-        Clock::None => SpectrumSheet::default(),
+        Clock::Real => SpectrumSummary::of(times, &history),
+        Clock::None => SpectrumSummary::default(),
     };
     let curve = (0..=CURVE_POINTS)
         .map(|i| {
@@ -367,7 +367,7 @@ fn decided(exhibit: &Exhibit, found: &Localization) -> String {
     match found.decision {
         Decision::At(node) => format!("Located at {}", exhibit.localizer.snapshot().node(node).key),
         Decision::Ambiguous => "Ambiguous".into(),
-        Decision::Unknown => "Unknown".into(),
+        _ => "Unknown".into(),
     }
 }
 

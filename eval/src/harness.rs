@@ -327,22 +327,20 @@ impl<'s> Tallies<'s> {
         {
             for &entry in fold.query.iter().step_by(step) {
                 let live = live(material, entry, num_live);
-                let query = Query {
-                    features: &live,
-                    time: Some(times[entry]),
-                    image_size: Some(material.extracted[entry].image_size),
-                };
+                let query = Query::new(&live)
+                    .at(times[entry])
+                    .with_image_size(material.extracted[entry].image_size);
                 sweep.restart();
                 localizer.sweep(&mut scratch, &query, &mut sweep)?;
                 for (size, &n) in self.suite.sizes.iter().enumerate() {
-                    localizer = localizer.with_selection(Selection::Top(n));
+                    localizer = localizer.with_selection(Selection::top(n)?);
                     let start = Instant::now();
                     localizer.localize_into(&mut scratch, &query, &mut out)?;
                     let ms = start.elapsed().as_secs_f64() * 1e3;
                     self.variants[first_variant + index].ms[size].push(ms);
                     let score = localizer.cfg().score();
                     for candidate in &out.ranking {
-                        let swept = sweep.tally(candidate.node, size).of(score);
+                        let swept = sweep.scores(candidate.node, size).by(score);
                         ensure!(
                             candidate.score == swept,
                             "{} scores {} for node {} at n = {n}, but {swept} in the sweep",
@@ -520,11 +518,9 @@ pub(crate) fn run_fold(
                 let sweep = sweep.as_mut().map_err(|error| anyhow::anyhow!("{error}"))?;
                 sweep.restart();
                 let live = live(material, entry, num_live);
-                let query = Query {
-                    features: &live,
-                    time: Some(times[entry]),
-                    image_size: Some(material.extracted[entry].image_size),
-                };
+                let query = Query::new(&live)
+                    .at(times[entry])
+                    .with_image_size(material.extracted[entry].image_size);
                 let truth = snapshot.find(&material.dataset.entries[entry].place);
                 let said = (localizers.iter())
                     .zip(runs)
@@ -569,7 +565,7 @@ fn ask(
     let name = |node: usize| nodes[node].key.as_str().to_owned();
     let answer = |score: Score, size: usize| {
         let scores: Vec<f64> = (0..nodes.len())
-            .map(|node| sweep.tally(NodeId(node as u32), size).of(score))
+            .map(|node| sweep.scores(NodeId(node as u32), size).by(score))
             .collect();
         let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let weighed = localizer.posterior(score, sweep.sizes()[size], &scores);
@@ -603,7 +599,7 @@ fn ask(
                 {
                     Decision::At(_) => results::Decision::At(name(first[0])),
                     Decision::Ambiguous => results::Decision::Ambiguous,
-                    Decision::Unknown => results::Decision::Unknown,
+                    _ => results::Decision::Unknown,
                 }
             }
             _ => results::Decision::At(name(first[0])),

@@ -163,11 +163,9 @@ impl<E: Extractor> Replay<'_, E> {
             live.truncate(num_live);
             let extract = Stage::since("extract", start);
             let start = Instant::now();
-            let query = Query {
-                features: &live,
-                time: Some(times[entry]),
-                image_size: Some((picture.width() as u32, picture.height() as u32)),
-            };
+            let query = Query::new(&live)
+                .at(times[entry])
+                .with_image_size((picture.width() as u32, picture.height() as u32));
             localizer.localize_into(&mut scratch, &query, &mut answer)?;
             let stages = [decode, extract, Stage::since("localize", start)];
             let file = asked.source.path();

@@ -244,11 +244,7 @@ impl Soak {
         let mut scratch = localizer.scratch();
         let (mut num_right, mut num_wrong) = (0, 0);
         for (place, time, features) in &self.queries {
-            let query = Query {
-                features,
-                time: Some(*time),
-                image_size: None,
-            };
+            let query = Query::new(features).at(*time);
             let answer = localizer.localize(&mut scratch, &query)?;
             if let Decision::At(found) = answer.decision {
                 let is_right = snapshot.node(found).key == self.street.world.places()[*place];

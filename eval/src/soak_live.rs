@@ -285,16 +285,14 @@ impl Drive<'_> {
                 scratch = localizer.scratch();
             }
             let features = extractor.extract(&frame.image, None)?;
-            let query = Query {
-                features: &features,
-                time: Some(frame.stamp),
-                image_size: Some(self.image_size),
-            };
+            let query = Query::new(&features)
+                .at(frame.stamp)
+                .with_image_size(self.image_size);
             localizer.localize_into(&mut scratch, &query, &mut answer)?;
             let answer_us = frame.taken.elapsed().as_secs_f64() * 1e6;
             let found = match answer.decision {
                 Decision::At(node) => Some(localizer.snapshot().node(node).key.clone()),
-                Decision::Ambiguous | Decision::Unknown => None,
+                _ => None,
             };
             let truth = &self.world.places()[frame.place];
             let is_right = found.as_ref() == Some(truth);
@@ -380,9 +378,9 @@ impl Drive<'_> {
     fn publish(&self, learner: &mut Learner, map: &Map, now: Time) -> Result<()> {
         let snapshot = learner.snapshot()?;
         commit(map, &snapshot)?;
-        let newer = self.shared.localizer().on_newer(snapshot)?;
+        let newer = self.shared.localizer().with_snapshot(snapshot)?;
         // So that no image waits for it.
-        newer.anticipate(now);
+        newer.prefetch(now);
         let mut localizer = (self.shared.localizer.lock()).unwrap_or_else(PoisonError::into_inner);
         *localizer = Arc::new(newer);
         Ok(())

@@ -4,7 +4,7 @@
 //! apart from what is learnt, the numbers of features n, and *arms*: a preset with the methods, models
 //! and scores to run it with. Suites hold no results and no thresholds.
 
-use chronotope::localize::{Evidence, LocalizerConfig, Method, Preset, Score};
+use chronotope::localize::{EvidencePart, LocalizerConfig, Method, Preset, Score};
 use chronotope::predict::Choice;
 use chronotope::visibility::VisibilityConfig;
 use chronotope::{Error, ErrorKind, Period, Result};
@@ -154,7 +154,7 @@ pub struct Arm {
     pub choice: Option<Choice>,
     /// Parts of the likelihood that are left out.
     #[serde(default)]
-    pub without: Vec<Evidence>,
+    pub without: Vec<EvidencePart>,
     /// Added to the names of models, to tell the arms of an ablation apart.
     pub label: Option<String>,
     /// Whether runs that count matches learn what a count is worth, for the judgement of posteriors;
@@ -305,7 +305,8 @@ impl Arm {
                         self.predicting(&mut runs, &cfg, &model.name, order as u32);
                     }
                 }
-                Method::Fused | Method::Freex => {
+                // Fused and freex.
+                _ => {
                     runs.extend(self.models_and_orders().take(1).map(|(model, order)| {
                         let cfg = base.clone().with_visibility(model.visibility(&base, order));
                         Run {

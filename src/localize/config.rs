@@ -11,9 +11,24 @@ use fremen::visibility::VisibilityConfig;
 /// An answer may be wrong one time in twenty.
 const RISK: f64 = 0.05;
 
+/// The one of `all` that is called `name`; an error that lists them, if none is.
+pub(super) fn by_name<T: Copy, const N: usize>(
+    what: &str,
+    name: &str,
+    all: [T; N],
+    name_of: fn(T) -> &'static str,
+) -> Result<T> {
+    let found = all.into_iter().find(|&one| name_of(one) == name);
+    found.ok_or_else(|| {
+        Error::new(ErrorKind::Config, format!("there is no {what} `{name}`"))
+            .with_help(format!("use one of {}", all.map(name_of).join(", ")))
+    })
+}
+
 /// How a place is turned into what the live image is matched with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Method {
     /// Its most stable features: the n with the highest long-term mean.
     Static,
@@ -69,12 +84,7 @@ impl std::str::FromStr for Method {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self> {
-        let found = Self::ALL.into_iter().find(|method| method.name() == name);
-        found.ok_or_else(|| {
-            Error::new(ErrorKind::Config, format!("there is no method `{name}`")).with_help(
-                format!("use one of {}", Self::ALL.map(Self::name).join(", ")),
-            )
-        })
+        by_name("method", name, Self::ALL, Self::name)
     }
 }
 
@@ -87,12 +97,13 @@ impl std::fmt::Display for Method {
 /// What the places are ranked by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Score {
     /// The number of matches, as in the papers.
     Count,
     /// The number of matches that agree on one displacement.
     Inliers,
-    /// The log odds of this place against elsewhere, given which predicted features were matched and
+    /// The log odds of this place against another one, given which predicted features were matched and
     /// which are missing.
     Likelihood,
 }
@@ -115,13 +126,7 @@ impl std::str::FromStr for Score {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self> {
-        let found = Self::ALL.into_iter().find(|score| score.name() == name);
-        found.ok_or_else(|| {
-            Error::new(ErrorKind::Config, format!("there is no score `{name}`")).with_help(format!(
-                "use one of {}",
-                Self::ALL.map(Self::name).join(", ")
-            ))
-        })
+        by_name("score", name, Self::ALL, Self::name)
     }
 }
 
@@ -134,7 +139,7 @@ impl std::fmt::Display for Score {
 /// A part of the likelihood that can be left out, to see what it is worth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Evidence {
+pub enum EvidencePart {
     /// That features which were seen together are expected together.
     Appearances,
     /// How near the descriptors of a match are.
@@ -146,13 +151,14 @@ pub enum Evidence {
     /// That features of some places are found again more often than those of others.
     Repeatability,
     /// That matches which do not agree with the others are more frequent at the right place.
-    Strays,
+    #[serde(rename = "strays")]
+    OutlierMatches,
 }
 
 /// Which places are matched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Candidates {
+pub enum PlaceSearch {
     /// All, up to the size of map from which on `inverted` was measured to be faster.
     Auto,
     /// All, whatever the size: nothing is missed.
@@ -161,7 +167,7 @@ pub enum Candidates {
     /// inverted file.
     Inverted,
     /// In maps of more than 256 places, those whose binary words are most like the image's, by one
-    /// signature a place.
+    /// signature a place. Needs the crate's feature `hnsw`.
     Words,
 }
 
@@ -171,7 +177,7 @@ pub enum Candidates {
 pub enum Preset {
     /// The recipe of the long-term topological localisation benchmark by the authors of FreMEn.
     Lttl,
-    /// Ours.
+    /// The recipe of this library, which the command and the README use.
     Default,
 }
 
@@ -192,11 +198,7 @@ impl std::str::FromStr for Preset {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self> {
-        let found = Self::ALL.into_iter().find(|preset| preset.name() == name);
-        found.ok_or_else(|| {
-            Error::new(ErrorKind::Config, format!("there is no preset `{name}`"))
-                .with_help("use one of lttl, default")
-        })
+        by_name("preset", name, Self::ALL, Self::name)
     }
 }
 
@@ -226,12 +228,12 @@ struct Fields {
     selection: Selection,
     choice: Choice,
     calibrated: bool,
-    without: Vec<Evidence>,
+    without: Vec<EvidencePart>,
     elsewhere: f64,
     risk: f64,
     min_score: u32,
     time_bucket_s: u32,
-    candidates: Candidates,
+    candidates: PlaceSearch,
     matching: MatchConfig,
     vote: VoteConfig,
     visibility: VisibilityConfig,
@@ -254,23 +256,10 @@ impl TryFrom<Fields> for LocalizerConfig {
     type Error = Error;
 
     fn try_from(fields: Fields) -> Result<Self> {
-        for (name, value) in [("elsewhere", fields.elsewhere), ("risk", fields.risk)] {
-            if !(value > 0.0 && value < 1.0) {
-                return Err(Error::new(
-                    ErrorKind::Config,
-                    format!("{name} is a probability between 0 and 1 (both excluded), not {value}"),
-                ));
-            }
-        }
-        if fields.score == Score::Likelihood && !fields.calibrated {
-            return Err(Error::new(
-                ErrorKind::Config,
-                "the score `likelihood` is made of calibrated rates",
-            )
-            .with_help("set `calibrated = true`, or use `score = \"inliers\"`"));
-        }
         let without = fields.without.clone();
-        Ok(Self(fields).with_less_evidence(without))
+        let cfg = Self(fields).with_less_evidence(without);
+        cfg.check()?;
+        Ok(cfg)
     }
 }
 
@@ -287,7 +276,7 @@ impl LocalizerConfig {
             Preset::Lttl => Fields {
                 method: Method::Fremen,
                 score: Score::Count,
-                selection: Selection::Top(50),
+                selection: Selection::at_least_one(50),
                 choice: Choice::Likeliest,
                 calibrated: false,
                 without: Vec::new(),
@@ -295,7 +284,7 @@ impl LocalizerConfig {
                 risk: RISK,
                 min_score: 1,
                 time_bucket_s: 0,
-                candidates: Candidates::Exact,
+                candidates: PlaceSearch::Exact,
                 matching: MatchConfig::lttl(Direction::LiveToMap),
                 vote: VoteConfig::default(),
                 visibility: VisibilityConfig::lttl(),
@@ -303,7 +292,7 @@ impl LocalizerConfig {
             Preset::Default => Fields {
                 method: Method::Fremen,
                 score: Score::Likelihood,
-                selection: Selection::Top(50),
+                selection: Selection::at_least_one(50),
                 choice: Choice::Covering,
                 calibrated: true,
                 without: Vec::new(),
@@ -311,12 +300,39 @@ impl LocalizerConfig {
                 risk: RISK,
                 min_score: 4,
                 time_bucket_s: 600,
-                candidates: Candidates::Auto,
+                candidates: PlaceSearch::Auto,
                 matching: MatchConfig::default(),
                 vote: VoteConfig::default(),
                 visibility: VisibilityConfig::rhythms(),
             },
         })
+    }
+
+    /// Whether every value is in its range; otherwise an [`ErrorKind::Config`] error.
+    pub(super) fn check(&self) -> Result<()> {
+        for (name, value) in [("elsewhere", self.0.elsewhere), ("risk", self.0.risk)] {
+            if !(value > 0.0 && value < 1.0) {
+                return Err(Error::new(
+                    ErrorKind::Config,
+                    format!("{name} is a probability between 0 and 1 (both excluded), not {value}"),
+                ));
+            }
+        }
+        if self.0.score == Score::Likelihood && !self.0.calibrated {
+            return Err(Error::new(
+                ErrorKind::Config,
+                "the score `likelihood` is made of calibrated rates",
+            )
+            .with_help("set `calibrated = true`, or use `score = \"inliers\"`"));
+        }
+        if self.0.candidates == PlaceSearch::Words && !cfg!(feature = "hnsw") {
+            return Err(Error::new(
+                ErrorKind::Config,
+                "candidates by `words` need the feature `hnsw`, without which this was built",
+            )
+            .with_help("build it with the feature `hnsw`, or use `candidates = \"inverted\"`"));
+        }
+        Ok(())
     }
 
     /// Uses another method.
@@ -349,8 +365,8 @@ impl LocalizerConfig {
         self
     }
 
-    /// Whether the map's past visits are asked for what matches are worth; without, posteriors are
-    /// shares of the score. The score `likelihood` needs it.
+    /// Whether what matches are worth is learnt from the map's past visits; without, posteriors are shares
+    /// of the score. The score `likelihood` is made of it, and has it whatever is said here.
     #[must_use]
     pub fn with_calibrated(mut self, calibrated: bool) -> Self {
         self.0.calibrated = calibrated || self.0.score == Score::Likelihood;
@@ -359,25 +375,26 @@ impl LocalizerConfig {
 
     /// Leaves parts of the likelihood out; in any order, each once.
     #[must_use]
-    pub fn with_less_evidence(mut self, mut without: Vec<Evidence>) -> Self {
+    pub fn with_less_evidence(mut self, mut without: Vec<EvidencePart>) -> Self {
         without.sort_unstable();
         without.dedup();
         self.0.without = without;
         self
     }
 
-    /// The probability, before the image is seen, that the robot is at none of the places; taken into
-    /// (0, 1).
+    /// The probability, before the image is seen, that the robot is at none of the places; above 0
+    /// and below 1, which is checked where a localizer is made.
     #[must_use]
-    pub fn with_elsewhere(mut self, elsewhere: f64) -> Self {
-        self.0.elsewhere = probability(elsewhere);
+    pub fn with_off_map(mut self, off_map: f64) -> Self {
+        self.0.elsewhere = off_map;
         self
     }
 
-    /// The probability of being wrong that an answer may have; taken into (0, 1).
+    /// The probability of being wrong that an answer may have; above 0 and below 1, which is checked where a
+    /// localizer is made.
     #[must_use]
     pub fn with_risk(mut self, risk: f64) -> Self {
-        self.0.risk = probability(risk);
+        self.0.risk = risk;
         self
     }
 
@@ -388,10 +405,10 @@ impl LocalizerConfig {
         self
     }
 
-    /// A best count, or number of inliers, below this is no answer; at least 1.
+    /// A best count, or number of inliers, below this is no answer; with 0, any is one.
     #[must_use]
     pub fn with_min_score(mut self, min_score: u32) -> Self {
-        self.0.min_score = min_score.max(1);
+        self.0.min_score = min_score;
         self
     }
 
@@ -406,8 +423,8 @@ impl LocalizerConfig {
 
     /// Matches other places of a large map. Methods that remember appearances match all.
     #[must_use]
-    pub fn with_candidates(mut self, candidates: Candidates) -> Self {
-        self.0.candidates = candidates;
+    pub fn with_place_search(mut self, place_search: PlaceSearch) -> Self {
+        self.0.candidates = place_search;
         self
     }
 
@@ -437,12 +454,12 @@ impl LocalizerConfig {
     }
 
     /// Parts of the likelihood that are left out, ascending.
-    pub fn without(&self) -> &[Evidence] {
+    pub fn without(&self) -> &[EvidencePart] {
         &self.0.without
     }
 
     /// The prior probability of being at none of the places.
-    pub fn elsewhere(&self) -> f64 {
+    pub fn off_map(&self) -> f64 {
         self.0.elsewhere
     }
 
@@ -462,7 +479,7 @@ impl LocalizerConfig {
     }
 
     /// Which places are matched.
-    pub fn candidates(&self) -> Candidates {
+    pub fn place_search(&self) -> PlaceSearch {
         self.0.candidates
     }
 
@@ -507,13 +524,6 @@ impl LocalizerConfig {
     }
 }
 
-fn probability(p: f64) -> f64 {
-    if p.is_nan() {
-        return 1e-9;
-    }
-    p.clamp(1e-9, 1.0 - 1e-9)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -538,7 +548,7 @@ mod tests {
             assert!(toml::from_str::<LocalizerConfig>(text).is_err(), "{text}");
         }
         let cfg = LocalizerConfig::default().with_risk(f64::NAN);
-        assert!(cfg.risk() > 0.0);
+        assert!(cfg.check().is_err());
     }
 
     #[test]

@@ -7,11 +7,11 @@
 //!
 //! A [`Forecast`] is always made for the *middle* of its bucket, so an answer depends on the bucket of its
 //! time and never on what was asked before. [`Forecasts`] keeps the last two: now, and the bucket to come
-//! ([`Localizer::anticipate`]) or just gone. They belong to the localizer and not to each thread's
+//! ([`Localizer::prefetch`](super::Localizer::prefetch)) or just gone. They belong to the localizer and not to each thread's
 //! [`Scratch`](super::Scratch), because in a large map a forecast takes a second to make and over 100 bytes
 //! a predicted feature to hold; threads share it behind an `Arc`. The lock is held to look it up, never
 //! while one is made: two threads that need the same new forecast at the same moment both make it, and
-//! make the same. A localizer that goes on with a newer map ([`Localizer::on_newer`]) copies what has not
+//! make the same. A localizer that goes on with a newer map ([`Localizer::with_snapshot`](super::Localizer::with_snapshot)) copies what has not
 //! changed and predicts the rest.
 //!
 //! Cost: what predicting costs, once a bucket; a lock and a reference count a query. Memory of a forecast
@@ -23,9 +23,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::candidates::{Finder, Shortlist, Voting};
-use super::evidence::Expectation;
-use super::{Localizer, Plan};
+use super::candidates::{Finder, PredictedPlaces, Shortlist, Voting};
+use super::evidence::{Calibration, Expectation};
+use super::plan::{Plan, PlannedMap};
 use crate::feature::{Features, FeaturesView};
 use crate::map::NodeId;
 use crate::matching::SearchScratch;
@@ -36,6 +36,14 @@ use fremen::time::Time;
 const NUM_KEPT: usize = 2;
 /// Places that one thread predicts at a time.
 const PLACES_PER_TASK: usize = 64;
+
+/// What forecasts are made from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ForecastSource<'a> {
+    pub(super) map: &'a PlannedMap,
+    pub(super) calibration: Option<&'a Calibration>,
+    pub(super) finder: &'a Finder,
+}
 
 /// The predicted maps of all places at one time.
 #[derive(Clone, Debug, Default)]
@@ -91,6 +99,7 @@ impl Forecast {
         match finder {
             Finder::Exact => None,
             Finder::Inverted(_) => self.voting.as_ref().map(|voting| voting as _),
+            #[cfg(feature = "hnsw")]
             Finder::Words(signatures) => Some(signatures.as_ref() as _),
         }
     }
@@ -110,10 +119,10 @@ impl Forecast {
         }
     }
 
-    /// Predicts the given places of `localizer`, in place of what was there.
+    /// Predicts the given places, in place of what was there.
     fn make(
         &mut self,
-        localizer: &Localizer,
+        source: ForecastSource<'_>,
         predicted: &mut PredictedMap,
         time: Time,
         nodes: Range<usize>,
@@ -123,51 +132,63 @@ impl Forecast {
         self.ids.clear();
         self.probabilities.clear();
         self.features.truncate(0);
-        let num_expected = localizer.calibration.as_ref().map_or(0, |_| nodes.len());
+        let ForecastSource {
+            map,
+            calibration,
+            finder,
+        } = source;
+        let num_expected = calibration.map_or(0, |_| nodes.len());
         (self.expectations).resize_with(num_expected, Expectation::default);
         for (index, node) in nodes.enumerate() {
-            if let Plan::Predicted { model, witnesses } = localizer.plans[node].as_ref() {
-                let selection = localizer.cfg.selection();
-                localizer.choose(predicted, model.as_ref(), witnesses, time, selection);
+            if let Plan::Predicted { model, references } = map.plans[node].as_ref() {
+                let selection = map.cfg.selection();
+                map.choose(predicted, model.as_ref(), references, time, selection);
                 let id = NodeId(node as u32);
                 (self.ids).extend_from_slice(predicted.features());
                 (self.probabilities).extend_from_slice(predicted.probabilities());
-                (self.features).append(&localizer.snapshot.node(id).features, predicted.features());
-                if let Some(calibration) = &localizer.calibration {
+                (self.features).append(&map.snapshot.node(id).features, predicted.features());
+                if let Some(calibration) = calibration {
                     let expectation = &mut self.expectations[index];
-                    calibration.expect_predicted(expectation, id, predicted, witnesses);
-                    expectation.settle(predicted.len());
+                    expectation.expect_predicted(calibration, id, predicted, references);
+                    expectation.finalize(predicted.len());
                 }
             }
             self.ends.push(self.ids.len());
         }
         self.words.clear();
         self.voting = None;
-        if let Finder::Inverted(words) = &localizer.finder {
+        if let Finder::Inverted(words) = finder {
             let scratch = &mut SearchScratch::default();
             words.words_into(scratch, self.features.descriptors(), &mut self.words);
         }
     }
 
     /// Lets features vote, once all places are there.
-    fn let_vote(&mut self, localizer: &Localizer) {
-        if let Finder::Inverted(words) = &localizer.finder
+    fn let_vote(&mut self, source: ForecastSource<'_>) {
+        if let Finder::Inverted(words) = source.finder
             && !words.is_empty()
         {
-            self.voting = Some(Voting::of(localizer, self, words, &self.words));
+            let places = PredictedPlaces {
+                descriptors: self.features.descriptors(),
+                ends: &self.ends,
+                expectations: &self.expectations,
+            };
+            let (cfg, calibration) = (&source.map.cfg, source.calibration);
+            let voting = Voting::of(cfg, calibration, places, words, &self.words);
+            self.voting = Some(voting);
         }
     }
 
     /// The same for a newer map: places that changed are predicted again, all others copied.
     ///
     /// O(places that changed), but for copying.
-    fn on_newer(&self, localizer: &Localizer, is_same: &[bool]) -> Self {
+    fn with_snapshot(&self, source: ForecastSource<'_>, is_same: &[bool]) -> Self {
         let time = self.time;
         let changed: Vec<usize> = (0..is_same.len()).filter(|&node| !is_same[node]).collect();
         let parts: Vec<Self> = (changed.par_iter())
             .map_init(PredictedMap::new, |predicted, &node| {
                 let mut part = Self::default();
-                part.make(localizer, predicted, time, node..node + 1);
+                part.make(source, predicted, time, node..node + 1);
                 part
             })
             .collect();
@@ -182,7 +203,7 @@ impl Forecast {
             first = node + 1;
         }
         newer.append_places(self, first..is_same.len());
-        newer.let_vote(localizer);
+        newer.let_vote(source);
         newer
     }
 
@@ -230,7 +251,7 @@ pub(super) struct Forecasts {
 
 impl Forecasts {
     /// Whether nobody has ordered `time` as the last; then it is ordered now.
-    fn order(&self, time: Time) -> bool {
+    pub(super) fn order(&self, time: Time) -> bool {
         let mut ordered = self.ordered.lock().unwrap_or_else(PoisonError::into_inner);
         ordered.replace(time) != Some(time)
     }
@@ -261,6 +282,11 @@ impl Forecasts {
             .clone()
     }
 
+    #[cfg(test)]
+    pub(super) fn times(&self) -> Vec<Time> {
+        self.kept().iter().map(|forecast| forecast.time).collect()
+    }
+
     fn keep(&self, forecast: &Arc<Forecast>) {
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         // Another thread may have made the same meanwhile.
@@ -272,51 +298,20 @@ impl Forecasts {
     }
 }
 
-impl Localizer {
-    /// Predicts all places for the time bucket of `time` beforehand, on the threads of the caller's rayon
-    /// pool, so that the first image in that bucket need not wait for it.
-    ///
-    /// Answers are the same without; the last two buckets are kept. A robot that must not miss a frame calls
-    /// [`anticipate_next`](Self::anticipate_next) instead.
-    pub fn anticipate(&self, time: Time) {
-        if self.predicts() {
-            self.forecast_by_all(self.middle_of_bucket(time));
-        }
-    }
-
-    /// Has `pool` predict all places for the bucket after that of `time`, and returns at once.
-    ///
-    /// To be called with every image: only the first call in a bucket orders anything. A pool of one thread
-    /// leaves the other processors to the robot. Answers are the same without; with it, the first image of a
-    /// bucket finds its prediction made, if the pool had a bucket's time to make it.
-    pub fn anticipate_next(self: &Arc<Self>, pool: &rayon::ThreadPool, time: Time) {
-        if !(self.predicts() && self.cfg.method().needs_time()) {
-            return;
-        }
-        let next = self.cfg.middle_of_next_bucket(time);
-        if let Some(next) = next
-            && self.forecasts.order(next)
-        {
-            let localizer = Arc::clone(self);
-            pool.spawn(move || {
-                localizer.forecast_by_all(next);
-            });
-        }
-    }
-
+impl Forecasts {
     /// The predicted maps at `time`, made on the threads of the caller's pool if they are not there.
-    pub(super) fn forecast_by_all(&self, time: Time) -> Arc<Forecast> {
-        if let Some(known) = self.forecasts.get(time) {
+    pub(super) fn at_by_all(&self, source: ForecastSource<'_>, time: Time) -> Arc<Forecast> {
+        if let Some(known) = self.get(time) {
             return known;
         }
-        let num_nodes = self.plans.len();
+        let num_nodes = source.map.plans.len();
         let parts: Vec<Forecast> = (0..num_nodes.div_ceil(PLACES_PER_TASK))
             .into_par_iter()
             .map_init(PredictedMap::new, |predicted, task| {
                 let start = task * PLACES_PER_TASK;
                 let end = (start + PLACES_PER_TASK).min(num_nodes);
                 let mut part = Forecast::default();
-                part.make(self, predicted, time, start..end);
+                part.make(source, predicted, time, start..end);
                 part
             })
             .collect();
@@ -327,46 +322,45 @@ impl Localizer {
         for part in parts {
             whole.append(part);
         }
-        whole.let_vote(self);
+        whole.let_vote(source);
         let whole = Arc::new(whole);
-        self.forecasts.keep(&whole);
+        self.keep(&whole);
         whole
     }
 
     /// The predicted maps at `time`, which is the middle of a bucket.
-    pub(super) fn forecast(&self, predicted: &mut PredictedMap, time: Time) -> Arc<Forecast> {
-        if let Some(known) = self.forecasts.get(time) {
+    pub(super) fn at(
+        &self,
+        source: ForecastSource<'_>,
+        predicted: &mut PredictedMap,
+        time: Time,
+    ) -> Arc<Forecast> {
+        if let Some(known) = self.get(time) {
             return known;
         }
-        let mut forecast = self.forecasts.take();
+        let mut forecast = self.take();
         // Nobody else holds what was taken.
         if let Some(forecast) = Arc::get_mut(&mut forecast) {
-            forecast.make(self, predicted, time, 0..self.plans.len());
-            forecast.let_vote(self);
+            forecast.make(source, predicted, time, 0..source.map.plans.len());
+            forecast.let_vote(source);
         }
-        self.forecasts.keep(&forecast);
+        self.keep(&forecast);
         forecast
     }
 
-    /// Makes the forecasts of `older` its own, where they still hold; `is_same` says which places have not
-    /// changed since.
-    pub(super) fn take_over_forecasts(&self, older: &Self, is_same: &[bool]) {
-        if !self.finder.reads_same_words(&older.finder) {
-            return;
-        }
-        let kept = older.forecasts.kept();
-        for forecast in kept.iter().filter(|it| it.ends.len() == older.plans.len()) {
-            let newer = forecast.on_newer(self, is_same);
-            self.forecasts.keep(&Arc::new(newer));
-        }
-    }
-
-    /// The time that is predicted for at `time`.
-    pub(super) fn middle_of_bucket(&self, time: Time) -> Time {
-        if self.cfg.method().needs_time() {
-            self.cfg.middle_of_bucket(time)
-        } else {
-            Time::default()
+    /// Takes over the forecasts of an `older` map with `num_places`, where they still hold; `is_same` says
+    /// which places have not changed since.
+    pub(super) fn take_over(
+        &self,
+        source: ForecastSource<'_>,
+        older: &Self,
+        num_places: usize,
+        is_same: &[bool],
+    ) {
+        let kept = older.kept();
+        for forecast in kept.iter().filter(|it| it.ends.len() == num_places) {
+            let newer = forecast.with_snapshot(source, is_same);
+            self.keep(&Arc::new(newer));
         }
     }
 }
@@ -374,48 +368,6 @@ impl Localizer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::feature::{Descriptor, Keypoint};
-    use crate::localize::LocalizerConfig;
-    use crate::map::{MapMeta, Node, PlaceKey, Snapshot};
-    use fremen::visibility::BitRow;
-
-    #[test]
-    fn the_next_bucket_is_predicted_once_and_only_where_there_are_buckets() {
-        let mut node = Node::new(PlaceKey::new("here").expect("a key"));
-        let keypoint = Keypoint {
-            x: 1.0,
-            y: 2.0,
-            size: 3.0,
-            response: 4.0,
-        };
-        node.features.push(keypoint, Descriptor::default());
-        let mut seen = BitRow::zeros(1);
-        seen.set(0);
-        node.log
-            .push_visit(Time::default(), seen, None)
-            .expect("fits");
-        let mut snapshot = Snapshot::empty(MapMeta::new(1, "none", "default"));
-        snapshot.nodes.push(Arc::new(node));
-        let snapshot = Arc::new(snapshot);
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-        let pool = pool.expect("a thread");
-        for length_s in [600, 0] {
-            let cfg = LocalizerConfig::default()
-                .with_calibrated(false)
-                .with_time_bucket_s(length_s);
-            let localizer = Localizer::new(Arc::clone(&snapshot), cfg).expect("fits");
-            let localizer = Arc::new(localizer);
-            for s in [10, 11, 599] {
-                localizer.anticipate_next(&pool, Time::from_s(s));
-            }
-            // The one thread does what was ordered before.
-            pool.install(|| ());
-            let kept = localizer.forecasts.kept.lock().expect("whole");
-            let times: Vec<Time> = kept.iter().map(|forecast| forecast.time).collect();
-            let expected = [Time::from_s(900)];
-            assert_eq!(times, expected[..usize::from(length_s > 0)]);
-        }
-    }
 
     fn at(s: i64) -> Arc<Forecast> {
         Arc::new(Forecast {

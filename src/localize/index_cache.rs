@@ -1,10 +1,10 @@
 //! How does a robot open a large map in a second?
 //!
-//! [`Localizer::open`] keeps what [`Localizer::new`] works out in a file beside the map, the *query form*, and
+//! [`Localizer::open`] keeps what [`Localizer::new`] works out in a file beside the map, the *index cache*, and
 //! reads that the next time: all places with their features and logs, the fitted models, the calibration,
 //! and the words that candidates are found by. What is left is to check it and to lay it out.
 //!
-//! The query form is a cache and never the truth. Its name and its head tell which generation of which map,
+//! The index cache is a cache and never the truth. Its name and its head tell which generation of which map,
 //! which configuration and which version of this crate it was made of ([`Fingerprint`]); one that does not
 //! fit, or that is truncated or damaged, is made anew. Where the folder may not be written, the map opens as
 //! slowly as without. Answers are the same, bit for bit.
@@ -18,7 +18,7 @@
 //! visits. Kept appearances, 48 bytes a feature, are there only for a method that matches them; which of them
 //! it matches at what time is worked out again.
 //!
-//! A map with a model that is neither [`Fremen`] nor [`Mean`] has no query form.
+//! A map with a model that is neither [`Fremen`] nor [`Mean`] has no index cache.
 
 use std::fmt;
 use std::fs::File;
@@ -36,16 +36,18 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::candidates::Finder;
-use super::forecast::Forecasts;
-use super::{Calibration, Localizer, LocalizerConfig, Plan, calibration};
+use super::config::{LocalizerConfig, by_name};
+use super::evidence::{self, Calibration};
+use super::localizer::Localizer;
+use super::plan::{Plan, PlannedMap};
 use crate::feature::{Descriptor, Features, Keypoint, Rect};
 use crate::map::{
     AppearanceUse, Edge, Map, MapMeta, MappedFile, Node, PlaceKey, SessionId, Snapshot, Stamp,
     Visit, VisitId,
 };
-use crate::matching::{BinaryWords, Matcher};
-use crate::predict::Witnesses;
-use fremen::error::{Error, ErrorKind, Result};
+use crate::matching::BinaryWords;
+use crate::predict::ReferenceVisits;
+use fremen::error::{Error, Result};
 use fremen::spectrum::CandidatePeriods;
 use fremen::time::Time;
 use fremen::visibility::{BitRow, Fremen, Mean, VisibilityModel, Visits};
@@ -60,16 +62,16 @@ const PLACES_PER_BLOCK: usize = 64;
 const BLOCKS_PER_WAVE: usize = 16;
 /// In place of a set of rhythms, where a model is the mean.
 const NO_RHYTHMS: u32 = u32::MAX;
-/// A map that takes longer to open has a query form by [`QueryForm::Auto`]: measured were 0.4 s for 5 places
-/// with 60 visits, for which no file should appear, and 8 s (0.4 s by the query form) for 6 with 4,644.
+/// A map that takes longer to open has an index cache by [`IndexCache::Auto`]: measured were 0.4 s for 5 places
+/// with 60 visits, for which no file should appear, and 8 s (0.4 s by the index cache) for 6 with 4,644.
 const SLOW: Duration = Duration::from_secs(1);
 
-/// Query forms that this process has begun to write, so that no two threads write to one file.
+/// Index caches that this process has begun to write, so that no two threads write to one file.
 static NUM_PARTS: AtomicU32 = AtomicU32::new(0);
 
-/// Whether a query form is kept beside a map.
+/// Whether an index cache is kept beside a map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum QueryForm {
+pub enum IndexCache {
     /// None is read or written.
     Never,
     /// One that is there is read; one is written where the map took more than a second to open without.
@@ -79,7 +81,7 @@ pub enum QueryForm {
     Always,
 }
 
-impl QueryForm {
+impl IndexCache {
     /// Every choice.
     pub const ALL: [Self; 3] = [Self::Never, Self::Auto, Self::Always];
 
@@ -102,26 +104,21 @@ impl QueryForm {
     }
 }
 
-impl FromStr for QueryForm {
+impl FromStr for IndexCache {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self> {
-        let found = Self::ALL.into_iter().find(|form| form.name() == name);
-        found.ok_or_else(|| {
-            let names = Self::ALL.map(Self::name).join(", ");
-            Error::new(ErrorKind::Config, format!("there is no choice `{name}`"))
-                .with_help(format!("use one of {names}"))
-        })
+        by_name("choice", name, Self::ALL, Self::name)
     }
 }
 
-impl fmt::Display for QueryForm {
+impl fmt::Display for IndexCache {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(self.name())
     }
 }
 
-/// A SHA-256 over what a query form is made of.
+/// A SHA-256 over what an index cache is made of.
 type Fingerprint = [u8; 32];
 
 /// What holds for the whole map, and where its places are.
@@ -164,27 +161,32 @@ struct Block {
 }
 
 impl Localizer {
-    /// Opens the map at `path` for localising only, by way of the query form that lies beside it, which is
-    /// made if it is missing and made anew if it does not fit the map: [`open_by`](Self::open_by) with
-    /// [`QueryForm::Always`].
+    /// Opens the map at `path` for localising only, by way of the index cache that lies beside it, which is
+    /// made if it is missing and made anew if it does not fit the map: [`open_with`](Self::open_with) with
+    /// [`IndexCache::Always`].
     pub fn open(path: impl AsRef<Path>, cfg: LocalizerConfig) -> Result<Self> {
-        Self::open_by(path, cfg, QueryForm::Always)
+        Self::open_with(path, cfg, IndexCache::Always)
     }
 
-    /// Opens the map at `path` for localising only, by way of the query form that lies beside it, if there
-    /// is one that fits the map; else one is made, if `form` says so.
+    /// Opens the map at `path` for localising only, by way of the index cache that lies beside it, if there
+    /// is one that fits the map; else one is made, if `cache` says so.
     ///
     /// As [`Localizer::new`] on the snapshot of [`Map::open_read_only`], with the same answers; but once there
-    /// is a query form, the file is not read as a whole, and unless the method matches kept appearances, what
+    /// is an index cache, the file is not read as a whole, and unless the method matches kept appearances, what
     /// is left of them is that they were kept: its snapshot is for localising, not for committing, and a
     /// calibration that is attached to it ([`Localizer::to_attachment`]) does not fit the map. Fails as these
-    /// two do; that a query form cannot be written is no failure.
-    pub fn open_by(path: impl AsRef<Path>, cfg: LocalizerConfig, form: QueryForm) -> Result<Self> {
+    /// two do; that an index cache cannot be written is no failure.
+    pub fn open_with(
+        path: impl AsRef<Path>,
+        cfg: LocalizerConfig,
+        cache: IndexCache,
+    ) -> Result<Self> {
+        cfg.check()?;
         let path = path.as_ref();
         let start = Instant::now();
-        if form != QueryForm::Never {
+        if cache != IndexCache::Never {
             let stamp = Stamp::read(path)?;
-            let file = query_form_path(path, stamp, &cfg);
+            let file = index_cache_path(path, stamp, &cfg);
             if let Some(localizer) = read(&file, &fingerprint(stamp, &cfg), &cfg) {
                 tracing::info!(file = %file.display(), "opened by the query form");
                 return Ok(localizer);
@@ -192,28 +194,29 @@ impl Localizer {
         }
         let snapshot = Map::open_read_only(path)?.snapshot();
         let localizer = Self::new(snapshot, cfg).map_err(|error| error.with_path(path))?;
-        if form.is_worth_writing(start.elapsed()) {
-            localizer.keep_query_form(path);
+        if cache.is_worth_writing(start.elapsed()) {
+            localizer.keep_index_cache(path);
         }
         Ok(localizer)
     }
 
-    /// Writes the query form of this localizer beside the map at `path`, and removes those of older
+    /// Writes the index cache of this localizer beside the map at `path`, and removes those of older
     /// generations. What goes wrong costs time the next time and nothing else.
-    fn keep_query_form(&self, path: &Path) {
+    fn keep_index_cache(&self, path: &Path) {
         // Another process may have committed since the stamp was read.
-        let stamp = Stamp::of(&self.snapshot);
-        let file = query_form_path(path, stamp, &self.cfg);
+        let stamp = Stamp::of(self.snapshot());
+        let file = index_cache_path(path, stamp, self.cfg());
         let number = NUM_PARTS.fetch_add(1, Ordering::Relaxed);
         let part = file.with_extension(format!("part{}-{number}", std::process::id()));
-        let written =
-            (self.write_query_form(&part, &fingerprint(stamp, &self.cfg))).and_then(|is_written| {
+        let written = (self.write_index_cache(&part, &fingerprint(stamp, self.cfg()))).and_then(
+            |is_written| {
                 if is_written {
                     std::fs::rename(&part, &file)
                 } else {
                     Ok(())
                 }
-            });
+            },
+        );
         if let Err(error) = written {
             tracing::info!(file = %file.display(), %error, "no query form kept");
             // It may never have come to be.
@@ -224,10 +227,10 @@ impl Localizer {
     }
 
     /// Whether it could be written: every model must have the form that is kept.
-    fn write_query_form(&self, path: &Path, fingerprint: &Fingerprint) -> io::Result<bool> {
-        let mut kept = Vec::with_capacity(self.plans.len());
+    fn write_index_cache(&self, path: &Path, fingerprint: &Fingerprint) -> io::Result<bool> {
+        let mut kept = Vec::with_capacity(self.map.plans.len());
         let mut rhythms: Vec<CandidatePeriods> = Vec::new();
-        for plan in &self.plans {
+        for plan in &self.map.plans {
             kept.push(match plan.as_ref() {
                 Plan::Appearances { .. } => Kept::Appearances,
                 Plan::Predicted { model, .. } => {
@@ -248,7 +251,7 @@ impl Localizer {
         let mut file = BufWriter::new(File::create_new(path)?);
         file.write_all(&[0; HEAD_BYTES])?;
         let mut end = HEAD_BYTES as u64;
-        let places: Vec<_> = self.snapshot.nodes.iter().zip(&kept).collect();
+        let places: Vec<_> = self.snapshot().nodes.iter().zip(&kept).collect();
         let mut blocks = Vec::new();
         for wave in places.chunks(PLACES_PER_BLOCK * BLOCKS_PER_WAVE) {
             let wave: Vec<(usize, Vec<u8>)> = (wave.par_chunks(PLACES_PER_BLOCK))
@@ -287,23 +290,24 @@ impl Localizer {
             crop,
             preset,
             zone,
-        } = self.snapshot.meta.clone();
+        } = self.snapshot().meta.clone();
         Contents {
-            generation: self.snapshot.generation,
+            generation: self.snapshot().generation,
             uuid: format!("{uuid:032x}"),
             extractor,
             image_size,
             crop,
             preset,
             zone,
-            edges: self.snapshot.edges.clone(),
-            attachments: (self.snapshot.attachments.iter())
+            edges: self.snapshot().edges.clone(),
+            attachments: (self.snapshot().attachments.iter())
                 .map(|(name, bytes)| (name.clone(), BASE64.encode(bytes)))
                 .collect(),
             calibration: self.calibration.as_deref().cloned(),
-            words: match &self.finder {
-                Finder::Inverted(words) => Some(words.centroids().map(|it| it.0).collect()),
-                Finder::Exact | Finder::Words(_) => None,
+            words: if let Finder::Inverted(words) = &self.finder {
+                Some(words.centroids().map(|it| it.0).collect())
+            } else {
+                None
             },
             rhythms,
             blocks,
@@ -311,11 +315,11 @@ impl Localizer {
     }
 }
 
-/// What a query form of this generation and configuration is known by.
+/// What an index cache of this generation and configuration is known by.
 fn fingerprint(stamp: Stamp, cfg: &LocalizerConfig) -> Fingerprint {
     let mut sha = Sha256::new();
     sha.update(VERSION.to_le_bytes());
-    sha.update(calibration::VERSION.to_le_bytes());
+    sha.update(evidence::VERSION.to_le_bytes());
     sha.update(env!("CARGO_PKG_VERSION"));
     sha.update(stamp.generation.to_le_bytes());
     sha.update(stamp.digest);
@@ -323,10 +327,10 @@ fn fingerprint(stamp: Stamp, cfg: &LocalizerConfig) -> Fingerprint {
     sha.finalize().into()
 }
 
-/// The configuration without what is made of an answer, which has no part in a query form.
+/// The configuration without what is made of an answer, which has no part in an index cache.
 fn kept_of(cfg: &LocalizerConfig) -> String {
     let cfg = (cfg.clone())
-        .with_elsewhere(0.5)
+        .with_off_map(0.5)
         .with_risk(0.5)
         .with_min_score(1)
         .with_time_bucket_s(0);
@@ -334,7 +338,7 @@ fn kept_of(cfg: &LocalizerConfig) -> String {
 }
 
 /// `MAP.GENERATION.CONFIGURATION.query`, the two as the first digits of their hashes.
-fn query_form_path(map: &Path, stamp: Stamp, cfg: &LocalizerConfig) -> PathBuf {
+fn index_cache_path(map: &Path, stamp: Stamp, cfg: &LocalizerConfig) -> PathBuf {
     let of_cfg = Sha256::digest(kept_of(cfg)).into();
     let mut name = map.as_os_str().to_owned();
     name.push(format!(
@@ -351,7 +355,7 @@ fn digits(hash: &Fingerprint) -> String {
     format!("{first:016x}")
 }
 
-/// Removes the query forms of other generations of the map, and what is left of some that were never finished;
+/// Removes the index caches of other generations of the map, and what is left of some that were never finished;
 /// nothing else is named like them.
 fn remove_older(map: &Path, stamp: Stamp) {
     let (Some(name), Some(folder)) = (map.file_name().and_then(|it| it.to_str()), map.parent())
@@ -406,7 +410,7 @@ fn crc_of_head(head: &[u8; HEAD_BYTES]) -> u32 {
     hasher.finalize()
 }
 
-/// The localizer whose query form is at `path`; `None` if there is none that fits.
+/// The localizer whose index cache is at `path`; `None` if there is none that fits.
 fn read(path: &Path, fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Option<Localizer> {
     let file = MappedFile::open(path).ok()?;
     let localizer = parse(&file, fingerprint, cfg);
@@ -469,14 +473,10 @@ fn parse(file: &[u8], fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Optio
         let words: Vec<Descriptor> = words.into_iter().map(Descriptor).collect();
         Arc::new(BinaryWords::from_centroids(&words))
     });
-    fits.then(|| Localizer {
-        matcher: Matcher::new(cfg.matching().clone()),
-        finder: words.map_or_else(|| Finder::new(&snapshot, cfg), Finder::Inverted),
-        snapshot: Arc::new(snapshot),
-        cfg: cfg.clone(),
-        plans,
-        calibration: calibration.map(Arc::new),
-        forecasts: Forecasts::default(),
+    fits.then(|| {
+        let finder = words.map_or_else(|| Finder::new(&snapshot, cfg), Finder::Inverted);
+        let map = PlannedMap::from_parts(Arc::new(snapshot), cfg.clone(), plans);
+        Localizer::from_parts(map, calibration.map(Arc::new), finder)
     })
 }
 
@@ -675,7 +675,7 @@ impl<'a> Reader<'a> {
         let plan = if cfg.method().predicts() {
             Plan::Predicted {
                 model: self.model(node.features.len(), rhythms)?,
-                witnesses: Witnesses::of(&node.log, Visits::All).ok()?,
+                references: ReferenceVisits::of(&node.log, Visits::All).ok()?,
             }
         } else {
             Plan::of(&node, cfg).ok()?
@@ -751,11 +751,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_query_form_is_written_where_the_map_opened_slowly() {
+    fn an_index_cache_is_written_where_the_map_opened_slowly() {
         let cases = [(999, [false, false, true]), (1001, [false, true, true])];
         for (ms, expected) in cases {
             let opening = Duration::from_millis(ms);
-            let written = QueryForm::ALL.map(|form| form.is_worth_writing(opening));
+            let written = IndexCache::ALL.map(|cache| cache.is_worth_writing(opening));
             assert_eq!(written, expected, "{ms} ms");
         }
     }

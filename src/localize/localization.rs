@@ -4,22 +4,25 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::{LocalizerConfig, Score};
+use super::config::{LocalizerConfig, Score};
+use super::verify::Verified;
 use crate::map::NodeId;
-use crate::matching::{Match, Vote};
+use crate::matching::Vote;
 use fremen::time::Time;
 
 /// The answer to one query with all its evidence.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub struct Localization {
     /// Every place that was matched, best score first, ties by lowest node: all of them, or in a large map
-    /// those on a short list ([`Candidates`](super::Candidates)); the others count as the last of these.
+    /// those on a short list ([`PlaceSearch`](super::PlaceSearch)); the others count as the last of these.
     pub ranking: Vec<Candidate>,
     /// How many places share the best score; 1 where one place stands alone.
     pub tied: usize,
-    /// The posterior probability of "none of these places"; see [`Candidate::posterior`].
-    pub elsewhere: f64,
+    /// The posterior probability of being at none of the places; see [`Candidate::posterior`].
+    #[serde(rename = "elsewhere")]
+    pub off_map: f64,
     /// What to believe.
     pub decision: Decision,
     /// The numbers behind the decision.
@@ -34,6 +37,7 @@ pub struct Localization {
 /// What to believe of a query.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Decision {
     /// The robot is here.
     At(NodeId),
@@ -47,10 +51,10 @@ pub enum Decision {
 impl Decision {
     /// At `node`, the most probable place, if the probability of being wrong is at most `risk`; in the
     /// map but ambiguous, if that is all that is as sure; unknown otherwise.
-    pub fn by_risk(node: NodeId, posterior: f64, elsewhere: f64, risk: f64) -> Self {
+    pub fn by_risk(node: NodeId, posterior: f64, off_map: f64, risk: f64) -> Self {
         if 1.0 - posterior <= risk {
             Self::At(node)
-        } else if elsewhere <= risk {
+        } else if off_map <= risk {
             Self::Ambiguous
         } else {
             Self::Unknown
@@ -84,7 +88,8 @@ pub enum Rule {
         /// The posterior of the first place.
         first: f64,
         /// The posterior of being at none of the places.
-        elsewhere: f64,
+        #[serde(rename = "elsewhere")]
+        off_map: f64,
     },
 }
 
@@ -115,17 +120,17 @@ impl fmt::Display for Reason {
                 Rule::Risk {
                     allowed,
                     first,
-                    elsewhere,
+                    off_map,
                 },
                 _,
             ) => {
                 let percent = |p: f64| 100.0 * p;
-                let (first, elsewhere) = (percent(first), percent(elsewhere));
+                let (first, off_map) = (percent(first), percent(off_map));
                 let needed = percent(1.0 - allowed);
                 write!(
                     f,
                     "the best place has {first:.1} % (an answer needs {needed:.1} %), elsewhere \
-                     {elsewhere:.1} %"
+                     {off_map:.1} %"
                 )
             }
         }
@@ -142,7 +147,7 @@ pub struct Candidate {
     pub score: f64,
     /// The probability of being here, by a calibration on past visits
     /// ([`Calibration`](super::Calibration)). Where the configuration asks for none, its share
-    /// `(score + 1) / sum of (score + 1)` over all places and "elsewhere", which scores 0: that orders
+    /// `(score + 1) / sum of (score + 1)` over all places and being off the map, which scores 0: that orders
     /// places as the score does, and is no probability of being right.
     pub posterior: f64,
     /// The visit whose appearance fits best; `None` for methods that predict one map.
@@ -160,9 +165,6 @@ pub struct Candidate {
     pub num_inliers: u32,
     /// The displacement of the inliers, px.
     pub displacement: Vote,
-    /// The log odds by what was matched last: of the predicted map, or of one appearance.
-    #[serde(skip)]
-    pub(super) last_log_odds: f64,
 }
 
 /// One feature of a place that is one feature of the live image.
@@ -196,7 +198,7 @@ impl Localization {
     /// Gives every place a share of the posterior by its score: an order, no probability.
     pub(super) fn share_scores(&mut self) {
         let total: f64 = 1.0 + (self.ranking.iter()).map(|it| it.score + 1.0).sum::<f64>();
-        self.elsewhere = 1.0 / total;
+        self.off_map = 1.0 / total;
         for candidate in &mut self.ranking {
             candidate.posterior = (candidate.score + 1.0) / total;
         }
@@ -216,7 +218,7 @@ impl Localization {
             Score::Likelihood => Rule::Risk {
                 allowed: cfg.risk(),
                 first,
-                elsewhere: self.elsewhere,
+                off_map: self.off_map,
             },
             Score::Count | Score::Inliers => Rule::MinScore(cfg.min_score()),
         };
@@ -228,7 +230,7 @@ impl Localization {
         self.decision = match (self.first(), rule) {
             (None, _) => Decision::Unknown,
             (Some(first), Rule::Risk { allowed, .. }) => {
-                Decision::by_risk(first.node, first.posterior, self.elsewhere, allowed)
+                Decision::by_risk(first.node, first.posterior, self.off_map, allowed)
             }
             (Some(_), Rule::MinScore(least)) if best < f64::from(least) => Decision::Unknown,
             (Some(first), _) if self.tied == 1 => Decision::At(first.node),
@@ -238,14 +240,14 @@ impl Localization {
 }
 
 impl Localization {
-    /// Takes over what is believed of each place, by node, and of elsewhere, and decides by that.
-    pub(super) fn follow(&mut self, cfg: &LocalizerConfig, belief: &[f64], elsewhere: f64) {
+    /// Takes over what is believed of each place, by node, and of being off the map, and decides by that.
+    pub(super) fn follow(&mut self, cfg: &LocalizerConfig, belief: &[f64], off_map: f64) {
         for candidate in &mut self.ranking {
             candidate.posterior = belief[candidate.node.0 as usize];
         }
         let by_belief = |a: &Candidate, b: &Candidate| b.posterior.total_cmp(&a.posterior);
         (self.ranking).sort_unstable_by(|a, b| by_belief(a, b).then(a.node.cmp(&b.node)));
-        self.elsewhere = elsewhere;
+        self.off_map = off_map;
         let first = self.first().map_or(0.0, |first| first.posterior);
         self.tied = (self.ranking.iter())
             .take_while(|candidate| candidate.posterior == first)
@@ -256,11 +258,11 @@ impl Localization {
             rule: Rule::Risk {
                 allowed: cfg.risk(),
                 first,
-                elsewhere,
+                off_map,
             },
         };
         self.decision = self.first().map_or(Decision::Unknown, |place| {
-            Decision::by_risk(place.node, first, elsewhere, cfg.risk())
+            Decision::by_risk(place.node, first, off_map, cfg.risk())
         });
     }
 }
@@ -269,7 +271,6 @@ impl Candidate {
     pub(super) fn restart(&mut self, node: NodeId) {
         self.node = node;
         self.score = 0.0;
-        self.last_log_odds = 0.0;
         self.posterior = 0.0;
         self.appearance = None;
         self.predicted.clear();
@@ -289,16 +290,19 @@ impl Candidate {
 
     /// Takes over the evidence of the predicted map, or of one appearance if it is the first or says
     /// more than those before.
-    pub(super) fn hear(
+    pub(super) fn record(
         &mut self,
         cfg: &LocalizerConfig,
         visit: Option<u32>,
-        matches: &[Match],
-        inliers: &[bool],
-        vote: &Vote,
+        verified: &Verified<'_>,
         log_odds: f64,
     ) {
-        self.last_log_odds = log_odds;
+        let Verified {
+            matches,
+            inliers,
+            vote,
+            ..
+        } = *verified;
         let score = match cfg.score() {
             Score::Count => matches.len() as f64,
             Score::Inliers => f64::from(vote.num_inliers),
@@ -311,7 +315,7 @@ impl Candidate {
         self.score = score;
         self.num_matches = matches.len() as u32;
         self.num_inliers = vote.num_inliers;
-        self.displacement = *vote;
+        self.displacement = vote;
         self.matches.clear();
         (self.matches).extend((matches.iter().zip(inliers)).map(|(found, &inlier)| {
             EvidenceMatch {
@@ -324,7 +328,7 @@ impl Candidate {
     }
 
     /// The place speaks by the mean likelihood of its appearances, not by the best of them.
-    pub(super) fn settle(&mut self, score: Score, log_odds: f64) {
+    pub(super) fn finalize(&mut self, score: Score, log_odds: f64) {
         if score == Score::Likelihood {
             self.score = log_odds;
         }

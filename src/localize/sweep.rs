@@ -1,31 +1,38 @@
 //! What would the answer have been for other n?
 //!
-//! An evaluation asks every query for many numbers of features n. The features are ranked, so the map
+//! An evaluation answers every query for many numbers of features n. The features are ranked, so the map
 //! for a smaller n is a prefix of the one for a larger n, and one pass over the distances serves all.
 //! Appearances do not depend on the method, so what they say of a query is kept for the next localizer.
-//! A test holds the tallies equal to those of [`Localizer::localize`] for each n.
+//! A test holds the scores equal to those of [`Localizer::localize`] for each n.
 
+use super::config::Score;
 use super::evidence::LogMean;
-use super::{Localizer, Plan, Query, Score, Scratch};
+use super::localizer::Localizer;
+use super::plan::Plan;
+use super::query::Query;
+use super::scratch::Scratch;
+use crate::feature::FeaturesView;
 use crate::map::NodeId;
-use crate::matching::Matcher;
-use crate::predict::Selection;
+use crate::matching::{Matcher, Window};
+use crate::predict::{ReferenceVisits, Selection};
 use fremen::error::{Error, ErrorKind, Result};
+use fremen::time::Time;
+use fremen::visibility::VisibilityModel;
 
 /// What speaks for one place at one n.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Tally {
+pub struct PlaceScores {
     /// Matches.
     pub count: u32,
     /// Matches that agree on one displacement.
     pub inliers: u32,
-    /// Log odds of the place against elsewhere; 0 without calibration.
+    /// Log odds of being at the place against another one; 0 without calibration.
     pub log_odds: f64,
 }
 
-impl Tally {
+impl PlaceScores {
     /// The number that `score` ranks by.
-    pub fn of(self, score: Score) -> f64 {
+    pub fn by(self, score: Score) -> f64 {
         match score {
             Score::Count => f64::from(self.count),
             Score::Inliers => f64::from(self.inliers),
@@ -39,11 +46,11 @@ impl Tally {
 #[derive(Clone, Debug)]
 pub struct Sweep {
     sizes: Vec<usize>,
-    /// Tally of node and size at `node * sizes.len() + size`.
-    tallies: Vec<Tally>,
+    /// Scores of node and size at `node * sizes.len() + size`.
+    scores: Vec<PlaceScores>,
     pairs_compared: Vec<u64>,
-    /// For each node and visit, what its appearance says at each size; empty where not yet asked.
-    appearances: Vec<Vec<Vec<Tally>>>,
+    /// For each node and visit, what its appearance says at each size; empty where not yet matched.
+    appearances: Vec<Vec<Vec<PlaceScores>>>,
     /// The log odds of a place's appearances, at each size.
     odds: Vec<LogMean>,
 }
@@ -59,7 +66,7 @@ impl Sweep {
         }
         Ok(Self {
             sizes: sizes.to_vec(),
-            tallies: Vec::new(),
+            scores: Vec::new(),
             pairs_compared: Vec::new(),
             appearances: Vec::new(),
             odds: Vec::new(),
@@ -83,8 +90,8 @@ impl Sweep {
     ///
     /// # Panics
     /// If there is no such node or size.
-    pub fn tally(&self, node: NodeId, size: usize) -> Tally {
-        self.tallies[node.0 as usize * self.sizes.len() + size]
+    pub fn scores(&self, node: NodeId, size: usize) -> PlaceScores {
+        self.scores[node.0 as usize * self.sizes.len() + size]
     }
 
     /// Hamming distances that the last localizer needs at each number of features.
@@ -98,63 +105,64 @@ impl Localizer {
     ///
     /// Errors are those of [`localize_into`](Self::localize_into).
     pub fn sweep(&self, scratch: &mut Scratch, query: &Query<'_>, sweep: &mut Sweep) -> Result<()> {
-        let time = self.check(query)?;
+        let time = self.map.check(query)?;
         let Sweep {
             sizes,
-            tallies,
+            scores,
             pairs_compared,
             appearances,
             odds,
         } = sweep;
         let largest = sizes.last().copied().unwrap_or_default();
-        tallies.clear();
-        tallies.resize(self.plans.len() * sizes.len(), Tally::default());
+        scores.clear();
+        scores.resize(self.map.plans.len() * sizes.len(), PlaceScores::default());
         pairs_compared.clear();
         pairs_compared.resize(sizes.len(), 0);
-        appearances.resize_with(self.plans.len(), Vec::new);
+        appearances.resize_with(self.map.plans.len(), Vec::new);
         let num_live = query.features.len();
         let mut count_pairs = |num_ranked: usize| {
             for (pairs, &size) in pairs_compared.iter_mut().zip(sizes.iter()) {
                 *pairs += (size.min(num_ranked) * num_live) as u64;
             }
         };
-        for (id, tallies) in (0..).map(NodeId).zip(tallies.chunks_mut(sizes.len())) {
-            match self.plans[id.0 as usize].as_ref() {
-                Plan::Predicted { model, witnesses } => {
-                    let part = Selection::Top(largest);
-                    self.predict_part(scratch, id, model.as_ref(), witnesses, time, part);
+        for (id, scores) in (0..).map(NodeId).zip(scores.chunks_mut(sizes.len())) {
+            match self.map.plans[id.0 as usize].as_ref() {
+                Plan::Predicted { model, references } => {
+                    let part = Selection::at_least_one(largest);
+                    let model = (model.as_ref(), references);
+                    self.predict_part(scratch, id, model, time, part);
                     count_pairs(scratch.ranked.len());
                     let ranked = std::mem::take(&mut scratch.ranked);
-                    self.tally_into(scratch, ranked.view(), query, sizes, tallies);
+                    self.score_into(scratch, ranked.view(), query, sizes, scores);
                     scratch.ranked = ranked;
                 }
                 plan @ Plan::Appearances { .. } => {
                     plan.visits_into(time, &mut scratch.likely, &mut scratch.visits);
                     let known = &mut appearances[id.0 as usize];
-                    known.resize_with(self.snapshot.node(id).visits.len(), Vec::new);
+                    known.resize_with(self.snapshot().node(id).visits.len(), Vec::new);
                     let visits = std::mem::take(&mut scratch.visits);
                     odds.clear();
                     odds.resize(sizes.len(), LogMean::default());
                     for &visit in &visits {
-                        let ranked = self.appearance(id, visit, largest);
+                        let ranked = self.map.appearance(id, visit, largest);
                         count_pairs(ranked.len());
                         let known = &mut known[visit as usize];
                         if known.is_empty() {
-                            known.resize(sizes.len(), Tally::default());
+                            known.resize(sizes.len(), PlaceScores::default());
                             let expectation = &mut scratch.expectation;
                             self.expect_appearance(expectation, id, visit, ranked.len());
-                            self.tally_into(scratch, ranked, query, sizes, known);
+                            self.score_into(scratch, ranked, query, sizes, known);
                         }
-                        for ((tally, odds), known) in
-                            tallies.iter_mut().zip(&mut *odds).zip(known.iter())
+                        for ((scores, odds), known) in
+                            scores.iter_mut().zip(&mut *odds).zip(known.iter())
                         {
-                            tally.count = tally.count.max(known.count);
-                            tally.inliers = tally.inliers.max(known.inliers);
+                            scores.count = scores.count.max(known.count);
+                            scores.inliers = scores.inliers.max(known.inliers);
                             odds.push(known.log_odds);
                         }
                     }
-                    for (tally, odds) in tallies.iter_mut().zip(&*odds) {
-                        tally.log_odds = odds.value();
+                    for (scores, odds) in scores.iter_mut().zip(&*odds) {
+                        scores.log_odds = odds.value();
                     }
                     scratch.visits = visits;
                 }
@@ -176,20 +184,20 @@ impl Localizer {
         node: NodeId,
         top: usize,
     ) -> Result<Option<usize>> {
-        let time = self.check(query)?;
-        let Plan::Predicted { model, .. } = self.plans[node.0 as usize].as_ref() else {
+        let time = self.map.check(query)?;
+        let Plan::Predicted { model, .. } = self.map.plans[node.0 as usize].as_ref() else {
             return Ok(None);
         };
-        let part = Selection::Top(top);
+        let part = Selection::at_least_one(top);
         scratch.predicted.predict(model.as_ref(), time, part);
-        let features = &self.snapshot.node(node).features;
+        let features = &self.snapshot().node(node).features;
         scratch
             .ranked
             .gather(features, scratch.predicted.features());
         let (ranked, live) = (scratch.ranked.view(), query.features.view());
-        let alone = (self.cfg.matching().to_builder().unique(false)).build()?;
+        let alone = (self.cfg().matching().to_builder().with_unique(false)).build()?;
         Matcher::new(alone).matches_into(&mut scratch.matching, ranked, live, &mut scratch.matches);
-        let window = crate::matching::Window::REFERENCE;
+        let window = Window::REFERENCE;
         let found = (scratch.matches.iter()).filter(|found| {
             window.contains(
                 &ranked.keypoints[found.map as usize],
@@ -203,30 +211,53 @@ impl Localizer {
         Ok(Some(scratch.visits.len()))
     }
 
-    fn tally_into(
+    /// Predicts a part of a place, gathers its features in order and notes what each would say.
+    fn predict_part(
         &self,
         scratch: &mut Scratch,
-        ranked: crate::feature::FeaturesView<'_>,
+        id: NodeId,
+        (model, references): (&dyn VisibilityModel, &ReferenceVisits),
+        time: Time,
+        selection: Selection,
+    ) {
+        let Scratch {
+            predicted,
+            ranked,
+            expectation,
+            ..
+        } = scratch;
+        (self.map).choose(predicted, model, references, time, selection);
+        ranked.gather(&self.snapshot().node(id).features, predicted.features());
+        if let Some(calibration) = &self.calibration {
+            expectation.expect_predicted(calibration, id, predicted, references);
+        }
+    }
+
+    fn score_into(
+        &self,
+        scratch: &mut Scratch,
+        ranked: FeaturesView<'_>,
         query: &Query<'_>,
         sizes: &[usize],
-        out: &mut [Tally],
+        out: &mut [PlaceScores],
     ) {
         let live = query.features.view();
         let Scratch {
             matching,
-            verify,
+            verifier,
+            hits,
             expectation,
             ..
         } = scratch;
-        (self.matcher).prefixes_into(matching, ranked, live, sizes, |size, matches| {
-            let vote = verify.vote(&self.cfg, matches, ranked, live);
-            out[size] = Tally {
+        (self.map.matcher).prefixes_into(matching, ranked, live, sizes, |size, matches| {
+            let verified = verifier.verify(self.cfg().vote(), matches, ranked, live);
+            if self.calibration.is_some() {
+                expectation.finalize(sizes[size]);
+            }
+            out[size] = PlaceScores {
                 count: matches.len() as u32,
-                inliers: vote.num_inliers,
-                log_odds: self.calibration.as_ref().map_or(0.0, |calibration| {
-                    expectation.settle(sizes[size]);
-                    verify.log_odds(calibration, expectation, matches, &vote)
-                }),
+                inliers: verified.vote.num_inliers,
+                log_odds: self.log_odds(hits, Some(expectation), &verified),
             };
         });
     }

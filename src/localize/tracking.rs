@@ -1,7 +1,7 @@
 //! Where am I, given where I was?
 //!
-//! A [`Tracker`] is a discrete Bayes filter over the places of a map and "elsewhere". Between two
-//! images its belief moves by a [`Motion`]; then each hypothesis is weighed by what the new image says:
+//! A [`Tracker`] is a discrete Bayes filter over the places of a map and "off the map". Between two
+//! images its belief moves by a [`Motion`]; then each hypothesis is multiplied by how likely the new image is there:
 //!
 //! ```text
 //! moved(l)  = sum over k of belief(k) * P(l | k)
@@ -9,7 +9,7 @@
 //! ```
 //!
 //! with the posterior of the single image ([`Localization`], made with a uniform prior over places and
-//! [`LocalizerConfig::elsewhere`]). The answer's posteriors become the beliefs, and the decision is
+//! [`LocalizerConfig::off_map`]). The answer's posteriors become the beliefs, and the decision is
 //! taken anew at the same risk; scores and matches stay those of the image.
 //!
 //! Whatever the motion, a robot may be carried away: with probability [`MotionConfig::kidnap`] an image
@@ -22,13 +22,14 @@
 //! Thrun, Burgard & Fox 2005, chapter 8 (grid localisation and its kidnapped robot).
 //!
 //! Not for: images faster than the scene or the robot changes. Two images of a robot that stands still
-//! share their noise and are counted as two witnesses all the same; ask for one image in a while.
+//! share their noise and are counted as two all the same; take one image in a while.
 
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Localization, LocalizerConfig};
+use super::config::{LocalizerConfig, Score};
+use super::localization::Localization;
 use crate::map::{NodeId, Snapshot};
 use fremen::error::{Error, ErrorKind, Result};
 
@@ -38,7 +39,7 @@ use fremen::error::{Error, ErrorKind, Result};
 /// the robot moves (odometry, a plan).
 pub trait Motion: Send + Sync {
     /// Moves `belief`, which has one entry for each place and sums to at most 1, into `moved`, which has
-    /// as many entries, all 0. What is not handed on is lost to "elsewhere".
+    /// as many entries, all 0. What is not handed on has left the map.
     fn advance(&self, belief: &[f64], moved: &mut [f64]);
 
     /// How many places it knows.
@@ -80,37 +81,45 @@ impl TryFrom<MotionFields> for MotionConfig {
     type Error = Error;
 
     fn try_from(fields: MotionFields) -> Result<Self> {
-        Self::default()
-            .with_stay(fields.stay)?
-            .with_kidnap(fields.kidnap)?
-            .with_leave(fields.leave)?
-            .with_enter(fields.enter)
+        Self(fields).checked()
     }
 }
 
 impl MotionConfig {
     /// The probability of still being at a place at the next image; the rest goes along its edges, each
-    /// alike. In [0, 1].
-    pub fn with_stay(mut self, stay: f64) -> Result<Self> {
-        self.0.stay = share("stay", stay, 0.0)?;
-        Ok(self)
+    /// alike. In [0, 1], as the others are, which is checked where a [`Tracker`] or [`EdgeMotion`] is made.
+    #[must_use]
+    pub fn with_stay(mut self, stay: f64) -> Self {
+        self.0.stay = stay;
+        self
     }
 
     /// The probability that the next image is taken anywhere. In (0, 1].
-    pub fn with_kidnap(mut self, kidnap: f64) -> Result<Self> {
-        self.0.kidnap = share("kidnap", kidnap, f64::MIN_POSITIVE)?;
-        Ok(self)
+    #[must_use]
+    pub fn with_kidnap(mut self, kidnap: f64) -> Self {
+        self.0.kidnap = kidnap;
+        self
     }
 
     /// The probability of having left the map at the next image. In [0, 1].
-    pub fn with_leave(mut self, leave: f64) -> Result<Self> {
-        self.0.leave = share("leave", leave, 0.0)?;
-        Ok(self)
+    #[must_use]
+    pub fn with_leave(mut self, leave: f64) -> Self {
+        self.0.leave = leave;
+        self
     }
 
-    /// The probability of having come into the map, anywhere, from elsewhere. In [0, 1].
-    pub fn with_enter(mut self, enter: f64) -> Result<Self> {
-        self.0.enter = share("enter", enter, 0.0)?;
+    /// The probability of having come into the map, anywhere, from off the map. In [0, 1].
+    #[must_use]
+    pub fn with_enter(mut self, enter: f64) -> Self {
+        self.0.enter = enter;
+        self
+    }
+
+    fn checked(self) -> Result<Self> {
+        share("stay", self.0.stay, 0.0)?;
+        share("kidnap", self.0.kidnap, f64::MIN_POSITIVE)?;
+        share("leave", self.0.leave, 0.0)?;
+        share("enter", self.0.enter, 0.0)?;
         Ok(self)
     }
 
@@ -135,9 +144,9 @@ impl MotionConfig {
     }
 }
 
-fn share(name: &str, value: f64, least: f64) -> Result<f64> {
+fn share(name: &str, value: f64, least: f64) -> Result<()> {
     if (least..=1.0).contains(&value) {
-        return Ok(value);
+        return Ok(());
     }
     Err(Error::new(
         ErrorKind::Config,
@@ -155,7 +164,10 @@ pub struct EdgeMotion {
 
 impl EdgeMotion {
     /// Along the edges of `snapshot`.
-    pub fn new(snapshot: &Snapshot, cfg: &MotionConfig) -> Self {
+    ///
+    /// Fails with [`ErrorKind::Config`] where a number of `cfg` is no probability.
+    pub fn new(snapshot: &Snapshot, cfg: &MotionConfig) -> Result<Self> {
+        let cfg = cfg.checked()?;
         let mut neighbours = vec![Vec::new(); snapshot.nodes.len()];
         let mut ends: Vec<_> = (snapshot.edges.iter())
             .filter_map(|edge| Some((snapshot.find(&edge.from)?, snapshot.find(&edge.to)?)))
@@ -167,10 +179,10 @@ impl EdgeMotion {
         for (from, to) in ends {
             neighbours[from.0 as usize].push(to);
         }
-        Self {
+        Ok(Self {
             stay: cfg.stay(),
             neighbours,
-        }
+        })
     }
 }
 
@@ -249,7 +261,7 @@ pub struct Tracker {
     moved: Vec<f64>,
     /// Of each place: how likely the image is there.
     likelihoods: Vec<f64>,
-    elsewhere: f64,
+    off_map: f64,
 }
 
 impl std::fmt::Debug for Tracker {
@@ -257,27 +269,31 @@ impl std::fmt::Debug for Tracker {
         (f.debug_struct("Tracker"))
             .field("cfg", &self.cfg)
             .field("belief", &self.belief)
-            .field("elsewhere", &self.elsewhere)
+            .field("off_map", &self.off_map)
             .finish_non_exhaustive()
     }
 }
 
 impl Tracker {
     /// A robot that may be anywhere and moves along the edges of `snapshot`.
-    pub fn new(snapshot: &Snapshot, cfg: MotionConfig) -> Self {
-        Self::with_motion(Arc::new(EdgeMotion::new(snapshot, &cfg)), cfg)
+    ///
+    /// Fails with [`ErrorKind::Config`] where a number of `cfg` is no probability.
+    pub fn new(snapshot: &Snapshot, cfg: MotionConfig) -> Result<Self> {
+        Self::with_motion(Arc::new(EdgeMotion::new(snapshot, &cfg)?), cfg)
     }
 
     /// A robot that may be anywhere and moves as `motion` says; of `cfg`, everything but `stay` holds.
-    pub fn with_motion(motion: Arc<dyn Motion>, cfg: MotionConfig) -> Self {
-        Self {
-            cfg,
+    ///
+    /// Fails with [`ErrorKind::Config`] where a number of `cfg` is no probability.
+    pub fn with_motion(motion: Arc<dyn Motion>, cfg: MotionConfig) -> Result<Self> {
+        Ok(Self {
+            cfg: cfg.checked()?,
             motion,
             belief: Vec::new(),
             moved: Vec::new(),
             likelihoods: Vec::new(),
-            elsewhere: 0.0,
-        }
+            off_map: 0.0,
+        })
     }
 
     /// What is believed of each place, by node; empty before the first image.
@@ -286,8 +302,8 @@ impl Tracker {
     }
 
     /// What is believed of being at none of them.
-    pub fn elsewhere(&self) -> f64 {
-        self.elsewhere
+    pub fn off_map(&self) -> f64 {
+        self.off_map
     }
 
     /// Forgets where the robot was.
@@ -301,7 +317,7 @@ impl Tracker {
     /// Fails with [`ErrorKind::Config`] if the answer is of a localizer without calibrated likelihoods,
     /// and with [`ErrorKind::Shape`] if it ranks other places than the motion knows.
     pub fn update(&mut self, cfg: &LocalizerConfig, answer: &mut Localization) -> Result<()> {
-        if cfg.score() != super::Score::Likelihood {
+        if cfg.score() != Score::Likelihood {
             return Err(Error::new(
                 ErrorKind::Config,
                 format!("a robot cannot be followed by the score `{}`", cfg.score()),
@@ -320,41 +336,41 @@ impl Tracker {
             )
             .with_help("make a new tracker when the map has changed"));
         }
-        let prior = (1.0 - cfg.elsewhere()) / num_places.max(1) as f64;
-        self.weigh(cfg.elsewhere(), answer);
+        let prior = (1.0 - cfg.off_map()) / num_places.max(1) as f64;
+        self.compare(cfg.off_map(), answer);
         if self.belief.is_empty() {
             self.moved.clear();
             self.moved.resize(num_places, prior);
-            self.elsewhere = cfg.elsewhere();
+            self.off_map = cfg.off_map();
         } else {
-            self.advance(cfg.elsewhere());
+            self.advance(cfg.off_map());
         }
-        self.elsewhere *= answer.elsewhere / cfg.elsewhere();
+        self.off_map *= answer.off_map / cfg.off_map();
         for (moved, likelihood) in self.moved.iter_mut().zip(&self.likelihoods) {
             *moved *= likelihood;
         }
-        let total = self.moved.iter().sum::<f64>() + self.elsewhere;
+        let total = self.moved.iter().sum::<f64>() + self.off_map;
         self.belief.clear();
         if total > 0.0 && total.is_finite() {
             self.belief
                 .extend(self.moved.iter().map(|belief| belief / total));
-            self.elsewhere /= total;
+            self.off_map /= total;
         } else {
             // What the motion allows, the image denies: believe the image.
             self.belief.resize(num_places, 0.0);
             for candidate in &answer.ranking {
                 self.belief[candidate.node.0 as usize] = candidate.posterior;
             }
-            self.elsewhere = answer.elsewhere;
+            self.off_map = answer.off_map;
         }
-        answer.follow(cfg, &self.belief, self.elsewhere);
+        answer.follow(cfg, &self.belief, self.off_map);
         Ok(())
     }
 
     /// What the image alone says of each place, against its prior. In a large map only a short list of
     /// places is ranked; all others fit at most as badly as the worst of these.
-    fn weigh(&mut self, elsewhere: f64, answer: &Localization) {
-        let prior = (1.0 - elsewhere) / answer.ranking.len().max(1) as f64;
+    fn compare(&mut self, off_map: f64, answer: &Localization) {
+        let prior = (1.0 - off_map) / answer.ranking.len().max(1) as f64;
         let least = (answer.ranking.iter())
             .map(|candidate| candidate.posterior / prior)
             .fold(1.0, f64::min);
@@ -366,7 +382,7 @@ impl Tracker {
     }
 
     /// Moves the belief on to the next image, into `moved`.
-    fn advance(&mut self, prior_elsewhere: f64) {
+    fn advance(&mut self, prior_off_map: f64) {
         let MotionFields {
             kidnap,
             leave,
@@ -380,13 +396,13 @@ impl Tracker {
         let kept: f64 = self.moved.iter().sum();
         let was_inside: f64 = self.belief.iter().sum();
         let lost = (was_inside - kept).max(0.0);
-        let entered = enter * self.elsewhere / num_places;
-        let anywhere = kidnap * (1.0 - prior_elsewhere) / num_places;
+        let entered = enter * self.off_map / num_places;
+        let anywhere = kidnap * (1.0 - prior_off_map) / num_places;
         for moved in &mut self.moved {
             *moved = (1.0 - kidnap) * ((1.0 - leave) * *moved + entered) + anywhere;
         }
-        let outside = (1.0 - enter) * self.elsewhere + leave * kept + lost;
-        self.elsewhere = (1.0 - kidnap) * outside + kidnap * prior_elsewhere;
+        let outside = (1.0 - enter) * self.off_map + leave * kept + lost;
+        self.off_map = (1.0 - kidnap) * outside + kidnap * prior_off_map;
     }
 }
 
@@ -397,20 +413,20 @@ mod tests {
     use super::*;
     use crate::localize::{Candidate, Decision};
 
-    const ELSEWHERE: f64 = 0.1;
+    const OFF_MAP: f64 = 0.1;
 
     fn cfg() -> LocalizerConfig {
-        LocalizerConfig::default().with_elsewhere(ELSEWHERE)
+        LocalizerConfig::default().with_off_map(OFF_MAP)
     }
 
-    /// The answer to an image by which each place (and, last, elsewhere) has this likelihood.
+    /// The answer to an image by which each place (and, last, off the map) has this likelihood.
     fn answer(likelihoods: &[f64]) -> Localization {
         let num_places = likelihoods.len() - 1;
         let prior = |at: usize| {
             if at == num_places {
-                ELSEWHERE
+                OFF_MAP
             } else {
-                (1.0 - ELSEWHERE) / num_places as f64
+                (1.0 - OFF_MAP) / num_places as f64
             }
         };
         let total: f64 = (0..=num_places).map(|at| prior(at) * likelihoods[at]).sum();
@@ -424,7 +440,7 @@ mod tests {
                     ..Candidate::default()
                 })
                 .collect(),
-            elsewhere: posterior(num_places),
+            off_map: posterior(num_places),
             ..Localization::default()
         }
     }
@@ -455,7 +471,8 @@ mod tests {
 
     #[test]
     fn the_first_image_speaks_for_itself() {
-        let mut tracker = Tracker::with_motion(corridor(4, 0.5), MotionConfig::default());
+        let mut tracker =
+            Tracker::with_motion(corridor(4, 0.5), MotionConfig::default()).expect("valid");
         let alone = answer(&seen(4, 2, &[0]));
         let mut followed = alone.clone();
         tracker.update(&cfg(), &mut followed).expect("fits");
@@ -463,13 +480,14 @@ mod tests {
             let before = alone.ranking[candidate.node.0 as usize].posterior;
             assert!((candidate.posterior - before).abs() < 1e-12);
         }
-        assert!((followed.elsewhere - alone.elsewhere).abs() < 1e-12);
+        assert!((followed.off_map - alone.off_map).abs() < 1e-12);
     }
 
     #[test]
     fn a_way_tells_look_alike_places_apart() {
         // Places 1 and 4 look alike; the robot comes from 0.
-        let mut tracker = Tracker::with_motion(corridor(6, 0.2), MotionConfig::default());
+        let mut tracker =
+            Tracker::with_motion(corridor(6, 0.2), MotionConfig::default()).expect("valid");
         let mut first = answer(&seen(6, 0, &[]));
         tracker.update(&cfg(), &mut first).expect("fits");
         let mut alike = answer(&seen(6, 4, &[1]));
@@ -480,7 +498,8 @@ mod tests {
 
     #[test]
     fn a_kidnapped_robot_is_found_again() {
-        let mut tracker = Tracker::with_motion(corridor(8, 0.2), MotionConfig::default());
+        let mut tracker =
+            Tracker::with_motion(corridor(8, 0.2), MotionConfig::default()).expect("valid");
         for at in [0, 1, 2, 2, 1] {
             tracker
                 .update(&cfg(), &mut answer(&seen(8, at, &[])))
@@ -500,19 +519,21 @@ mod tests {
 
     #[test]
     fn what_is_not_in_the_map_stays_unknown() {
-        let mut tracker = Tracker::with_motion(corridor(5, 0.5), MotionConfig::default());
+        let mut tracker =
+            Tracker::with_motion(corridor(5, 0.5), MotionConfig::default()).expect("valid");
         let nowhere = [0.1, 0.2, 0.1, 0.1, 0.1, 1.0];
         for _ in 0..6 {
             let mut answer = answer(&nowhere);
             tracker.update(&cfg(), &mut answer).expect("fits");
             assert_eq!(answer.decision, Decision::Unknown);
         }
-        assert!(tracker.elsewhere() > 0.9);
+        assert!(tracker.off_map() > 0.9);
     }
 
     #[test]
     fn other_maps_and_scores_are_refused() {
-        let mut tracker = Tracker::with_motion(corridor(3, 0.5), MotionConfig::default());
+        let mut tracker =
+            Tracker::with_motion(corridor(3, 0.5), MotionConfig::default()).expect("valid");
         let refused = tracker.update(&cfg(), &mut answer(&seen(4, 0, &[])));
         assert_eq!(refused.expect_err("four places").kind(), ErrorKind::Shape);
         let counts = cfg().with_score(crate::localize::Score::Count);
@@ -522,7 +543,8 @@ mod tests {
 
     #[test]
     fn places_that_a_short_list_leaves_out_fit_badly() {
-        let mut tracker = Tracker::with_motion(corridor(4, 0.5), MotionConfig::default());
+        let mut tracker =
+            Tracker::with_motion(corridor(4, 0.5), MotionConfig::default()).expect("valid");
         let mut listed = answer(&[5.0, 0.1, 0.3]);
         tracker.update(&cfg(), &mut listed).expect("fits");
         assert!(tracker.belief()[0] > 0.8, "{tracker:?}");
@@ -569,11 +591,10 @@ mod tests {
             stay in 0.0..1.0_f64, kidnap in 0.001..0.5_f64, leave in 0.0..0.5_f64, enter in 0.0..1.0_f64,
         ) {
             let motion_cfg = MotionConfig::default()
-                .with_stay(stay).expect("valid").with_kidnap(kidnap).expect("valid")
-                .with_leave(leave).expect("valid").with_enter(enter).expect("valid");
-            let mut tracker = Tracker::with_motion(corridor(3, stay), motion_cfg);
-            // Hypotheses 0 to 2 are places, 3 is elsewhere.
-            let prior = |to: usize| if to == 3 { ELSEWHERE } else { (1.0 - ELSEWHERE) / 3.0 };
+                .with_stay(stay).with_kidnap(kidnap).with_leave(leave).with_enter(enter);
+            let mut tracker = Tracker::with_motion(corridor(3, stay), motion_cfg).expect("valid");
+            // Hypotheses 0 to 2 are places, 3 is off the map.
+            let prior = |to: usize| if to == 3 { OFF_MAP } else { (1.0 - OFF_MAP) / 3.0 };
             let along = |from: usize, to: usize| match (from, to) {
                 (from, to) if from == to => stay,
                 (1, _) => (1.0 - stay) / 2.0,
@@ -609,7 +630,7 @@ mod tests {
             for (place, weight) in weights[..3].iter().enumerate() {
                 prop_assert!((tracker.belief()[place] - weight / total).abs() < 1e-9);
             }
-            prop_assert!((tracker.elsewhere() - weights[3] / total).abs() < 1e-9);
+            prop_assert!((tracker.off_map() - weights[3] / total).abs() < 1e-9);
         }
     }
 }

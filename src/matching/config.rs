@@ -6,9 +6,9 @@ use crate::feature::Keypoint;
 use crate::simd::NearestTwo;
 use fremen::error::{Error, ErrorKind, Result};
 
-use super::vote::Displacement;
+use super::displacement::Displacement;
 
-/// Which side asks for its nearest of the other side.
+/// Which side queries the other for its nearest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Direction {
@@ -123,23 +123,23 @@ impl Default for MatchConfigBuilder {
 }
 
 impl MatchConfigBuilder {
-    /// Which side asks.
+    /// Which side queries the other.
     #[must_use]
-    pub fn direction(mut self, direction: Direction) -> Self {
+    pub fn with_direction(mut self, direction: Direction) -> Self {
         self.direction = direction;
         self
     }
 
     /// The largest distance of a match, 0 to 256 bits; 256 accepts any.
     #[must_use]
-    pub fn max_bits(mut self, max_bits: u16) -> Self {
+    pub fn with_max_bits(mut self, max_bits: u16) -> Self {
         self.max_bits = max_bits;
         self
     }
 
     /// Nearest distance < `ratio` x second nearest; above 0, at most 1. `None`: no such test.
     #[must_use]
-    pub fn ratio(mut self, ratio: Option<f64>) -> Self {
+    pub fn with_ratio(mut self, ratio: Option<f64>) -> Self {
         self.ratio = ratio;
         self
     }
@@ -147,28 +147,28 @@ impl MatchConfigBuilder {
     /// Whether a feature without a rival passes the ratio test. With one feature on the other side
     /// everything would match it, so the default is that it fails.
     #[must_use]
-    pub fn accept_lone(mut self, accept_lone: bool) -> Self {
+    pub fn with_accept_lone(mut self, accept_lone: bool) -> Self {
         self.accept_lone = accept_lone;
         self
     }
 
     /// Whether both features must be each other's nearest.
     #[must_use]
-    pub fn mutual(mut self, mutual: bool) -> Self {
+    pub fn with_mutual(mut self, mutual: bool) -> Self {
         self.mutual = mutual;
         self
     }
 
     /// Whether a feature of the other side is used once only.
     #[must_use]
-    pub fn unique(mut self, unique: bool) -> Self {
+    pub fn with_unique(mut self, unique: bool) -> Self {
         self.unique = unique;
         self
     }
 
     /// The window that displacements must lie in, or `None`.
     #[must_use]
-    pub fn window(mut self, window: Option<Window>) -> Self {
+    pub fn with_window(mut self, window: Option<Window>) -> Self {
         self.window = window;
         self
     }
@@ -235,7 +235,7 @@ impl MatchConfig {
         self.0.clone()
     }
 
-    /// Which side asks.
+    /// Which side queries the other.
     pub fn direction(&self) -> Direction {
         self.0.direction
     }
@@ -320,10 +320,10 @@ mod tests {
     #[test]
     fn values_out_of_range_are_refused_by_name() {
         for (builder, name) in [
-            (MatchConfig::builder().max_bits(257), "max-bits"),
-            (MatchConfig::builder().ratio(Some(0.0)), "ratio"),
-            (MatchConfig::builder().ratio(Some(f64::NAN)), "ratio"),
-            (MatchConfig::builder().ratio(Some(1.1)), "ratio"),
+            (MatchConfig::builder().with_max_bits(257), "max-bits"),
+            (MatchConfig::builder().with_ratio(Some(0.0)), "ratio"),
+            (MatchConfig::builder().with_ratio(Some(f64::NAN)), "ratio"),
+            (MatchConfig::builder().with_ratio(Some(1.1)), "ratio"),
         ] {
             let error = builder.build().unwrap_err();
             assert_eq!(error.kind(), ErrorKind::Config);

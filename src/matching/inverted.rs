@@ -1,4 +1,4 @@
-//! Which rows of a large set are nearest, without asking all of them?
+//! Which rows of a large set are nearest, without a distance to each of them?
 //!
 //! An [`InvertedFile`] puts every row into the list of its nearest centroid and searches the lists of
 //! the `probes` centroids that are nearest to the query. With `m` rows in `c` lists a query costs
@@ -58,7 +58,7 @@ pub struct SearchScratch {
     found: Vec<NearestTwo>,
 }
 
-/// Asks every row.
+/// Compares a query with every row.
 #[derive(Clone, Debug)]
 pub struct ExactSearch {
     rows: PackedDescriptors,
@@ -82,7 +82,7 @@ impl NearestNeighbours for ExactSearch {
         queries: &[Descriptor],
         out: &mut [NearestTwo],
     ) {
-        self.kernel.nearest_two_packed(queries, &self.rows, out);
+        self.kernel.nearest_two(queries, &self.rows, out);
     }
 
     fn num_rows(&self) -> usize {
@@ -137,12 +137,12 @@ impl BinaryWords {
     pub fn words_into(&self, scratch: &mut SearchScratch, rows: &[Descriptor], out: &mut Vec<u32>) {
         let found = &mut scratch.found;
         found.resize(rows.len(), NearestTwo::EMPTY);
-        (self.kernel).nearest_two_packed(rows, &self.centroids, found);
+        (self.kernel).nearest_two(rows, &self.centroids, found);
         out.extend(found.iter().map(|found| found.best));
     }
 }
 
-/// Asks the rows that are in the lists of the nearest centroids.
+/// Compares a query with the rows in the lists of its nearest centroids.
 #[derive(Clone, Debug)]
 pub struct InvertedFile {
     words: BinaryWords,
@@ -334,7 +334,7 @@ impl NearestNeighbours for InvertedFile {
                     (found.second, found.second_bits),
                 ] {
                     if let Some(&id) = self.ids.get(row as usize) {
-                        take_in(state, id, bits);
+                        integrate(state, id, bits);
                     }
                 }
             }
@@ -347,7 +347,7 @@ impl NearestNeighbours for InvertedFile {
 }
 
 /// Takes row `id` at `bits` into the two smallest of (bits, id).
-fn take_in(state: &mut NearestTwo, id: u32, bits: u16) {
+fn integrate(state: &mut NearestTwo, id: u32, bits: u16) {
     if (bits, id) < (state.best_bits, state.best) {
         (state.second, state.second_bits) = (state.best, state.best_bits);
         (state.best, state.best_bits) = (id, bits);
@@ -372,7 +372,7 @@ fn learn_centroids(rows: &[Descriptor], num_lists: usize, kernel: Kernel) -> Vec
     let mut ones = vec![[0_u32; 256]; num_lists];
     for _ in 0..ROUNDS {
         packed.repack(&centroids);
-        kernel.nearest_two_packed(&samples, &packed, &mut nearest);
+        kernel.nearest_two(&samples, &packed, &mut nearest);
         members.fill(0);
         ones.fill([0; 256]);
         for (sample, found) in samples.iter().zip(&nearest) {

@@ -23,9 +23,9 @@ pub struct Match {
 #[derive(Clone, Debug, Default)]
 pub struct MatchScratch {
     train: PackedDescriptors,
-    /// For each feature of the asking side, its nearest two of the other side.
-    asked: Vec<NearestTwo>,
-    /// For each feature of the other side, its nearest two of the asking side.
+    /// For each feature of the querying side, its nearest two of the other side.
+    queried: Vec<NearestTwo>,
+    /// For each feature of the other side, its nearest two of the querying side.
     answered: Vec<NearestTwo>,
     uniqueness: Uniqueness,
     matches: Vec<Match>,
@@ -54,7 +54,7 @@ impl Matcher {
         &self.cfg
     }
 
-    /// The matches between `map` and `live`, ordered by the asking side's id.
+    /// The matches between `map` and `live`, ordered by the querying side's id.
     pub fn matches_into(
         &self,
         scratch: &mut MatchScratch,
@@ -88,7 +88,7 @@ impl Matcher {
     ) {
         let MatchScratch {
             train,
-            asked,
+            queried,
             answered,
             uniqueness,
             matches,
@@ -97,12 +97,12 @@ impl Matcher {
             Direction::MapToLive => {
                 let count = checkpoints.last().map_or(0, |&last| last.min(map.len()));
                 let descriptors = &map.descriptors[..count];
-                self.nearest(train, descriptors, live.descriptors, asked);
+                self.nearest(train, descriptors, live.descriptors, queried);
                 let mut report = |index: usize, answered: Option<&[NearestTwo]>| {
                     let ids = 0..checkpoints[index].min(count) as u32;
-                    let asked = ids.map(|id| (id, asked[id as usize]));
+                    let queried = ids.map(|id| (id, queried[id as usize]));
                     let direction = Direction::MapToLive;
-                    self.choose(direction, asked, answered, map, live, uniqueness, matches);
+                    self.choose(direction, queried, answered, map, live, uniqueness, matches);
                     sink(index, matches);
                 };
                 if self.cfg.mutual() {
@@ -125,16 +125,16 @@ impl Matcher {
                     self.nearest(train, descriptors, live.descriptors, answered);
                 }
                 let answered = self.cfg.mutual().then_some(&answered[..]);
-                asked.resize(live.len(), NearestTwo::EMPTY);
+                queried.resize(live.len(), NearestTwo::EMPTY);
                 self.kernel.nearest_two_prefixes(
                     live.descriptors,
                     map.descriptors,
                     checkpoints,
-                    asked,
-                    |index, asked| {
-                        let asked = (0..).zip(asked.iter().copied());
+                    queried,
+                    |index, queried| {
+                        let queried = (0..).zip(queried.iter().copied());
                         let direction = Direction::LiveToMap;
-                        self.choose(direction, asked, answered, map, live, uniqueness, matches);
+                        self.choose(direction, queried, answered, map, live, uniqueness, matches);
                         sink(index, matches);
                     },
                 );
@@ -161,40 +161,40 @@ impl Matcher {
     ) {
         let MatchScratch {
             train,
-            asked,
+            queried,
             answered,
             uniqueness,
             matches,
         } = scratch;
         let direction = self.cfg.direction();
-        let is_map_asking = direction == Direction::MapToLive;
-        let (of_map, of_live) = if is_map_asking {
-            (asked, answered)
+        let is_map_querying = direction == Direction::MapToLive;
+        let (of_map, of_live) = if is_map_querying {
+            (queried, answered)
         } else {
-            (answered, asked)
+            (answered, queried)
         };
         train.repack(live.descriptors);
         of_map.clear();
-        if is_map_asking || self.cfg.mutual() {
+        if is_map_querying || self.cfg.mutual() {
             of_map.resize(map.len(), NearestTwo::EMPTY);
-            (self.kernel).nearest_two_packed(map.descriptors, train, of_map);
+            (self.kernel).nearest_two(map.descriptors, train, of_map);
         }
         let mut start = 0;
         let mut report = |part: usize, of_live: Option<&[NearestTwo]>| {
             let rows = start..ends[part];
             start = ends[part];
             let of_part = of_map.get(rows.clone());
-            let (asked, answered) = if is_map_asking {
+            let (queried, answered) = if is_map_querying {
                 (of_part, of_live)
             } else {
                 (of_live, of_part)
             };
-            let asked = (0..).zip(asked.unwrap_or_default().iter().copied());
+            let queried = (0..).zip(queried.unwrap_or_default().iter().copied());
             let map = map.rows(rows);
-            self.choose(direction, asked, answered, map, live, uniqueness, matches);
+            self.choose(direction, queried, answered, map, live, uniqueness, matches);
             sink(part, matches);
         };
-        if is_map_asking && !self.cfg.mutual() {
+        if is_map_querying && !self.cfg.mutual() {
             (0..ends.len()).for_each(|part| report(part, None));
         } else {
             of_live.resize(live.len(), NearestTwo::EMPTY);
@@ -225,7 +225,7 @@ impl Matcher {
     /// The matches if the map consisted of the features `ids` only, from `nearest` computed once by
     /// [`nearest_live_into`](Self::nearest_live_into); ordered as `ids`, in `O(ids)` time.
     ///
-    /// The asking side is the map, whatever [`direction`](MatchConfig::direction) says, and the mutual
+    /// The querying side is the map, whatever [`direction`](MatchConfig::direction) says, and the mutual
     /// check is left out: both would need the map's other features to be forgotten. The rules
     /// threshold, ratio, window and unique apply.
     ///
@@ -240,11 +240,11 @@ impl Matcher {
         ids: &[u32],
         out: &mut Vec<Match>,
     ) {
-        let asked = ids.iter().map(|&id| (id, nearest[id as usize]));
+        let queried = ids.iter().map(|&id| (id, nearest[id as usize]));
         let uniqueness = &mut scratch.uniqueness;
         self.choose(
             Direction::MapToLive,
-            asked,
+            queried,
             None,
             map,
             live,
@@ -263,26 +263,26 @@ impl Matcher {
     ) {
         packed.repack(train);
         out.resize(queries.len(), NearestTwo::EMPTY);
-        self.kernel.nearest_two_packed(queries, packed, out);
+        self.kernel.nearest_two(queries, packed, out);
     }
 
-    /// Rules 2 to 6 for `asked`: (asking id, its nearest two). `answered`, where the mutual check is
+    /// Rules 2 to 6 for `queried`: (querying id, its nearest two). `answered`, where the mutual check is
     /// wanted, holds the nearest two of the answering side.
     #[allow(clippy::too_many_arguments)] // reason: the parts of one scratch, borrowed apart.
     fn choose(
         &self,
         direction: Direction,
-        asked: impl Iterator<Item = (u32, NearestTwo)>,
+        queried: impl Iterator<Item = (u32, NearestTwo)>,
         answered: Option<&[NearestTwo]>,
         map: FeaturesView<'_>,
         live: FeaturesView<'_>,
         uniqueness: &mut Uniqueness,
         out: &mut Vec<Match>,
     ) {
-        let as_match = |asking, nearest: &NearestTwo| {
+        let as_match = |querying, nearest: &NearestTwo| {
             let (map, live) = match direction {
-                Direction::MapToLive => (asking, nearest.best),
-                Direction::LiveToMap => (nearest.best, asking),
+                Direction::MapToLive => (querying, nearest.best),
+                Direction::LiveToMap => (nearest.best, querying),
             };
             Match {
                 map,
@@ -290,8 +290,8 @@ impl Matcher {
                 distance_bits: nearest.best_bits,
             }
         };
-        let is_mutual = |asking, nearest: &NearestTwo| {
-            answered.is_none_or(|answered| answered[nearest.best as usize].best == asking)
+        let is_mutual = |querying, nearest: &NearestTwo| {
+            answered.is_none_or(|answered| answered[nearest.best as usize].best == querying)
         };
         let in_window = |found: &Match| {
             self.cfg.window().is_none_or(|window| {
@@ -303,10 +303,10 @@ impl Matcher {
         };
         out.clear();
         out.extend(
-            asked
+            queried
                 .filter(|(_, nearest)| self.cfg.accepts(nearest))
-                .filter(|(asking, nearest)| is_mutual(*asking, nearest))
-                .map(|(asking, nearest)| as_match(asking, &nearest))
+                .filter(|(querying, nearest)| is_mutual(*querying, nearest))
+                .map(|(querying, nearest)| as_match(querying, &nearest))
                 .filter(in_window),
         );
         if self.cfg.unique() {
@@ -325,34 +325,35 @@ impl Matcher {
 /// Rule 6; remembers for each feature of the answering side who may have it.
 #[derive(Clone, Debug, Default)]
 struct Uniqueness {
-    /// `distance << 32 | asking id` of the best claim to each feature.
+    /// `distance << 32 | querying id` of the best claim to each feature.
     claims: Vec<u64>,
 }
 
 impl Uniqueness {
-    /// Keeps of the matches that claim one feature the nearest, ties to the lowest asking id.
-    /// `sides(match)` is (answering id, asking id), answering ids are below `len`.
+    /// Keeps of the matches that claim one feature the nearest, ties to the lowest querying id.
+    /// `sides(match)` is (answering id, querying id), answering ids are below `len`.
     fn retain(
         &mut self,
         matches: &mut Vec<Match>,
         len: usize,
         sides: impl Fn(&Match) -> (u32, u32),
     ) {
-        let claim =
-            |found: &Match, asking: u32| (u64::from(found.distance_bits) << 32) | u64::from(asking);
+        let claim = |found: &Match, querying: u32| {
+            (u64::from(found.distance_bits) << 32) | u64::from(querying)
+        };
         if self.claims.len() < len {
             self.claims.resize(len, u64::MAX);
         }
         for found in &*matches {
-            let (answering, asking) = sides(found);
+            let (answering, querying) = sides(found);
             let best = &mut self.claims[answering as usize];
-            *best = (*best).min(claim(found, asking));
+            *best = (*best).min(claim(found, querying));
         }
         // The claims are forgotten match by match, so that the cost does not depend on `len`.
         let claims = &mut self.claims;
         matches.retain(|found| {
-            let (answering, asking) = sides(found);
-            claims[answering as usize] == claim(found, asking)
+            let (answering, querying) = sides(found);
+            claims[answering as usize] == claim(found, querying)
         });
         for found in &*matches {
             claims[sides(found).0 as usize] = u64::MAX;

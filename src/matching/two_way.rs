@@ -16,7 +16,7 @@ use crate::feature::FeaturesView;
 use crate::simd::{Kernel, NearestTwo, PackedDescriptors};
 use fremen::error::{Error, Result};
 
-use super::config::{Window, passes_ratio, require_ratio};
+use super::config::{Direction, MatchConfig, Window, passes_ratio, require_ratio};
 use super::matcher::Match;
 
 /// The numbers of the two-way comparison; the default is the recipe's own.
@@ -69,7 +69,7 @@ impl TwoWayConfig {
 impl Default for TwoWayConfig {
     /// Ratio 0.7, `|dx| < 400`, `|dy| < 50`.
     fn default() -> Self {
-        let lttl = super::MatchConfig::lttl(super::Direction::LiveToMap);
+        let lttl = MatchConfig::lttl(Direction::LiveToMap);
         Self(Fields {
             ratio: lttl.ratio().unwrap_or(0.7),
             accept_lone: lttl.accept_lone(),
@@ -143,10 +143,10 @@ impl TwoWay {
     ) {
         self.live_to_map.resize(live.len(), NearestTwo::EMPTY);
         self.packed.repack(map.descriptors);
-        kernel.nearest_two_packed(live.descriptors, &self.packed, &mut self.live_to_map);
+        kernel.nearest_two(live.descriptors, &self.packed, &mut self.live_to_map);
         self.map_to_live.resize(map.len(), NearestTwo::EMPTY);
         self.packed.repack(live.descriptors);
-        kernel.nearest_two_packed(map.descriptors, &self.packed, &mut self.map_to_live);
+        kernel.nearest_two(map.descriptors, &self.packed, &mut self.map_to_live);
 
         let map_to_live = &self.map_to_live;
         let verdicts = self.live_to_map.iter().zip(0..).map(|(nearest, id)| {

@@ -23,28 +23,8 @@ use crate::feature::Keypoint;
 use fremen::error::{Error, Result};
 
 use super::config::{Window, require};
+use super::displacement::Displacement;
 use super::matcher::Match;
-
-/// How far a live keypoint lies from its map keypoint: live - map, px; `dx` to the right, `dy` down.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub struct Displacement {
-    /// Columns.
-    pub dx_px: f64,
-    /// Rows.
-    pub dy_px: f64,
-}
-
-impl Displacement {
-    /// From `map` to `live`.
-    #[inline]
-    pub fn between(map: &Keypoint, live: &Keypoint) -> Self {
-        Self {
-            dx_px: f64::from(live.x) - f64::from(map.x),
-            dy_px: f64::from(live.y) - f64::from(map.y),
-        }
-    }
-}
 
 /// Writes the displacement of every match, in their order.
 ///
@@ -92,7 +72,7 @@ impl Default for VoteConfigBuilder {
 impl VoteConfigBuilder {
     /// Width and height of the closed window, px.
     #[must_use]
-    pub fn window_px(mut self, width_px: f64, height_px: f64) -> Self {
+    pub fn with_window_px(mut self, width_px: f64, height_px: f64) -> Self {
         self.width_px = width_px;
         self.height_px = height_px;
         self
@@ -100,7 +80,7 @@ impl VoteConfigBuilder {
 
     /// Matches displaced beyond this are never inliers.
     #[must_use]
-    pub fn limit(mut self, limit: Option<Window>) -> Self {
+    pub fn with_limit(mut self, limit: Option<Window>) -> Self {
         self.limit = limit;
         self
     }
@@ -444,7 +424,7 @@ mod tests {
         ]);
         let mut scratch = VoteScratch::default();
         let limit = Some(Window::new(400.0, 50.0).unwrap());
-        let cfg = VoteConfig::builder().limit(limit).build().unwrap();
+        let cfg = VoteConfig::builder().with_limit(limit).build().unwrap();
         assert_eq!(
             vote_displacement(&cfg, &mut scratch, &displacements).num_inliers,
             2
@@ -461,7 +441,12 @@ mod tests {
 
     #[test]
     fn negative_sizes_are_refused() {
-        assert!(VoteConfig::builder().window_px(-1.0, 20.0).build().is_err());
+        assert!(
+            VoteConfig::builder()
+                .with_window_px(-1.0, 20.0)
+                .build()
+                .is_err()
+        );
         assert!(toml::from_str::<VoteConfig>("height-px = nan").is_err());
         let cfg = VoteConfig::default();
         let text = toml::to_string(&cfg).unwrap();

@@ -15,11 +15,12 @@
 //!
 //! Not for choosing by what tells this place from others: that needs the other places.
 
-mod witnesses;
+mod reference_visits;
 
 use std::collections::BinaryHeap;
+use std::num::NonZeroUsize;
 
-pub use witnesses::Witnesses;
+pub use reference_visits::ReferenceVisits;
 
 use serde::{Deserialize, Serialize};
 
@@ -31,8 +32,8 @@ use fremen::visibility::VisibilityModel;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", try_from = "SelectionText")]
 pub enum Selection {
-    /// The `n` most likely; all, if the place has fewer.
-    Top(usize),
+    /// The n most likely ([`Selection::top`]); all, if the place has fewer.
+    Top(NonZeroUsize),
     /// Every feature with p(t) at or above this.
     Threshold(f64),
 }
@@ -58,13 +59,15 @@ impl TryFrom<SelectionText> for Selection {
 impl Selection {
     /// The `n` most likely; `n` must be positive.
     pub fn top(n: usize) -> Result<Self> {
-        if n == 0 {
-            return Err(
-                Error::new(ErrorKind::Config, "cannot predict 0 features a place")
-                    .with_help("choose n from 1; 50 is a good start"),
-            );
-        }
-        Ok(Self::Top(n))
+        NonZeroUsize::new(n).map(Self::Top).ok_or_else(|| {
+            Error::new(ErrorKind::Config, "cannot predict 0 features a place")
+                .with_help("choose n from 1; 50 is a good start")
+        })
+    }
+
+    /// The `n` most likely of which the caller knows that there is at least one; 0 counts as 1.
+    pub(crate) fn at_least_one(n: usize) -> Self {
+        Self::Top(NonZeroUsize::new(n).unwrap_or(NonZeroUsize::MIN))
     }
 
     /// Every feature with p(t) >= `p`; `p` must be in [0, 1].
@@ -82,6 +85,7 @@ impl Selection {
 /// Which features are kept first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Choice {
     /// The most likely (T-RO 2017 VII).
     Likeliest,
@@ -107,8 +111,8 @@ pub struct PredictedMap {
     keys: Vec<Key>,
     /// Features that a covering choice has not taken yet, with what each would add.
     gains: Vec<u64>,
-    /// How much each witness counts; nothing where all count alike.
-    likeness: Vec<f64>,
+    /// How much each reference visit counts; nothing where all count alike.
+    similarity: Vec<f64>,
 }
 
 impl PartialEq for PredictedMap {
@@ -119,20 +123,20 @@ impl PartialEq for PredictedMap {
 
 /// How well each visit is covered by the features chosen so far.
 struct Cover {
-    counts: [u32; Witnesses::MAX_VISITS],
+    counts: [u32; ReferenceVisits::MAX_VISITS],
     /// While nothing is chosen.
-    initial: [f64; Witnesses::MAX_VISITS],
-    weights: [f64; Witnesses::MAX_VISITS],
+    initial: [f64; ReferenceVisits::MAX_VISITS],
+    weights: [f64; ReferenceVisits::MAX_VISITS],
     num_visits: usize,
 }
 
 impl Cover {
-    /// Of so many visits, which count as much as `likeness` says, or alike where it says nothing.
-    fn new(num_visits: usize, likeness: &[f64]) -> Self {
-        let mut initial = [1.0; Witnesses::MAX_VISITS];
-        initial[..likeness.len()].copy_from_slice(likeness);
+    /// Of so many visits, which count as much as `similarity` says, or alike where it says nothing.
+    fn new(num_visits: usize, similarity: &[f64]) -> Self {
+        let mut initial = [1.0; ReferenceVisits::MAX_VISITS];
+        initial[..similarity.len()].copy_from_slice(similarity);
         Self {
-            counts: [0; Witnesses::MAX_VISITS],
+            counts: [0; ReferenceVisits::MAX_VISITS],
             initial,
             weights: initial,
             num_visits,
@@ -196,13 +200,14 @@ impl PredictedMap {
 
     /// Leaves the keys of the selected features in `keys`, in any order.
     fn shortlist(&mut self, model: &dyn VisibilityModel, time: Time, selection: Selection) {
-        self.likeness.clear();
+        self.similarity.clear();
         self.scores.clear();
         self.scores.resize(model.num_features(), 0.0);
         model.score_into(time, &mut self.scores);
         self.keys.clear();
         match selection {
             Selection::Top(n) => {
+                let n = n.get();
                 self.keys.extend(keys(&self.scores));
                 if n < self.keys.len() {
                     self.keys.select_nth_unstable(n);
@@ -228,7 +233,7 @@ impl PredictedMap {
     /// so the first ones are the most likely, and a visit that is well covered counts less and less.
     /// (Where `p_f` is the long-term mean, this is the greedy rule for the concave
     /// `sum over v of ln(1 + c_v / 2)`, whose result is within 1 - 1/e of the best; Nemhauser,
-    /// Wolsey & Fisher 1978.) A feature that no witness saw is discounted like the mean over all visits.
+    /// Wolsey & Fisher 1978.) A feature that no reference visit saw is discounted like the mean over all visits.
     ///
     /// The 1200 most likely features take part; under [`Selection::Threshold`], which keeps all that
     /// reach it, nothing is chosen and the order is by likelihood. The choice for a smaller n is the
@@ -239,34 +244,34 @@ impl PredictedMap {
     /// other could. Cost: O(pool) and a few gains a feature.
     ///
     /// # Panics
-    /// If `witnesses` are of a place with another number of features.
+    /// If `reference visits` are of a place with another number of features.
     pub fn predict_covering(
         &mut self,
         model: &dyn VisibilityModel,
         time: Time,
         selection: Selection,
-        witnesses: &Witnesses,
+        references: &ReferenceVisits,
     ) {
-        self.shortlist_to_cover(model, time, selection, witnesses);
-        self.cover(selection, witnesses);
+        self.shortlist_to_cover(model, time, selection, references);
+        self.cover(selection, references);
     }
 
     /// Predicted features of predicted experiences: like [`predict_covering`](Self::predict_covering),
-    /// but each visit counts as much as it is likely to be seen again now ([`Witnesses::likeness_into`]), in
-    /// the choice and in [`likeness`](Self::likeness).
+    /// but each visit counts as much as it is likely to be seen again now ([`ReferenceVisits::similarity_into`]), in
+    /// the choice and in [`similarity`](Self::similarity).
     ///
     /// # Panics
-    /// If `witnesses` are of a place with another number of features.
+    /// If `reference visits` are of a place with another number of features.
     pub fn predict_fused(
         &mut self,
         model: &dyn VisibilityModel,
         time: Time,
         selection: Selection,
-        witnesses: &Witnesses,
+        references: &ReferenceVisits,
     ) {
-        self.shortlist_to_cover(model, time, selection, witnesses);
-        witnesses.likeness_into(&self.scores, &mut self.likeness);
-        self.cover(selection, witnesses);
+        self.shortlist_to_cover(model, time, selection, references);
+        references.similarity_into(&self.scores, &mut self.similarity);
+        self.cover(selection, references);
     }
 
     /// Leaves what may be chosen in `keys`, and all visits alike.
@@ -275,36 +280,36 @@ impl PredictedMap {
         model: &dyn VisibilityModel,
         time: Time,
         selection: Selection,
-        witnesses: &Witnesses,
+        references: &ReferenceVisits,
     ) {
-        assert_eq!(witnesses.seen().len(), model.num_features());
+        assert_eq!(references.seen().len(), model.num_features());
         let selection = match selection {
-            Selection::Top(n) => Selection::Top(COVERING_POOL.max(n)),
+            Selection::Top(n) => Selection::at_least_one(COVERING_POOL.max(n.get())),
             all @ Selection::Threshold(_) => all,
         };
         self.shortlist(model, time, selection);
     }
 
     /// Chooses from `keys`.
-    fn cover(&mut self, selection: Selection, witnesses: &Witnesses) {
+    fn cover(&mut self, selection: Selection, references: &ReferenceVisits) {
         let Selection::Top(n) = selection else {
             self.order_by_likelihood();
             return;
         };
-        let mut cover = Cover::new(witnesses.num_visits(), &self.likeness);
+        let mut cover = Cover::new(references.num_visits(), &self.similarity);
         let mut gains = std::mem::take(&mut self.gains);
         gains.clear();
         gains.extend((self.keys.iter()).map(|&(_, id)| {
-            let weight = cover.weight(witnesses.seen()[id as usize]);
+            let weight = cover.weight(references.seen()[id as usize]);
             gain(self.scores[id as usize] * weight, id)
         }));
         let mut gains = BinaryHeap::from(gains);
         self.features.clear();
-        while self.features.len() < n
+        while self.features.len() < n.get()
             && let Some(stale) = gains.pop()
         {
             let id = !(stale as u32);
-            let seen = witnesses.seen()[id as usize];
+            let seen = references.seen()[id as usize];
             let now = gain(self.scores[id as usize] * cover.weight(seen), id);
             let next = gains.peek().map_or(0, |next| next >> 32);
             if (now >> 32) as f64 >= GOOD_ENOUGH * next as f64 {
@@ -344,9 +349,9 @@ impl PredictedMap {
         &self.probabilities
     }
 
-    /// How much each witness counted, at most 1; nothing where all counted alike.
-    pub fn likeness(&self) -> &[f64] {
-        &self.likeness
+    /// How much each reference visit counted, at most 1; nothing where all counted alike.
+    pub fn similarity(&self) -> &[f64] {
+        &self.similarity
     }
 
     /// How many features are predicted.
@@ -410,15 +415,21 @@ mod tests {
 
     #[test]
     fn the_most_likely_come_first_and_ties_rank_by_id() {
-        let map = predicted(&[0.5, 1.2, 0.5 + 1e-13, 1.1, 0.0], Selection::Top(4));
+        let map = predicted(
+            &[0.5, 1.2, 0.5 + 1e-13, 1.1, 0.0],
+            Selection::at_least_one(4),
+        );
         assert_eq!(map.features(), [1, 3, 0, 2]);
         assert_eq!(map.probabilities()[..2], [1.0, 1.0]);
     }
 
     #[test]
     fn n_above_the_place_keeps_everything() {
-        assert_eq!(predicted(&[0.1, 0.2], Selection::Top(9)).features(), [1, 0]);
-        assert!(predicted(&[], Selection::Top(9)).is_empty());
+        assert_eq!(
+            predicted(&[0.1, 0.2], Selection::at_least_one(9)).features(),
+            [1, 0]
+        );
+        assert!(predicted(&[], Selection::at_least_one(9)).is_empty());
     }
 
     #[test]
@@ -430,17 +441,17 @@ mod tests {
     #[test]
     fn the_first_n_are_the_same_for_every_larger_n() {
         let scores: Vec<f64> = (0..97).map(|i| f64::from(i * 37 % 19) / 19.0).collect();
-        let all = predicted(&scores, Selection::Top(97));
+        let all = predicted(&scores, Selection::at_least_one(97));
         for n in [1, 5, 50] {
             assert_eq!(
-                predicted(&scores, Selection::Top(n)).features(),
+                predicted(&scores, Selection::at_least_one(n)).features(),
                 &all.features()[..n]
             );
         }
     }
 
     /// Features 0..6 belong to visits 0..3 (summer), 6..8 to visit 3 (winter).
-    fn summer_and_winter() -> Witnesses {
+    fn summer_and_winter() -> ReferenceVisits {
         let mut log = fremen::visibility::HistoryLog::new();
         for visit in 0..4 {
             let mut seen = fremen::visibility::BitRow::zeros(8);
@@ -448,17 +459,22 @@ mod tests {
             let time = Time::from_s(visit);
             log.push_visit(time, seen, None).expect("fits");
         }
-        Witnesses::of(&log, fremen::visibility::Visits::All).expect("fits")
+        ReferenceVisits::of(&log, fremen::visibility::Visits::All).expect("fits")
     }
 
     #[test]
     fn a_covering_choice_keeps_features_of_every_appearance() {
         let model = Table(vec![0.75, 0.75, 0.75, 0.75, 0.75, 0.75, 0.25, 0.25]);
         let mut map = PredictedMap::new();
-        map.predict(&model, Time::default(), Selection::Top(6));
+        map.predict(&model, Time::default(), Selection::at_least_one(6));
         assert_eq!(map.features(), [0, 1, 2, 3, 4, 5]);
-        let witnesses = summer_and_winter();
-        map.predict_covering(&model, Time::default(), Selection::Top(6), &witnesses);
+        let references = summer_and_winter();
+        map.predict_covering(
+            &model,
+            Time::default(),
+            Selection::at_least_one(6),
+            &references,
+        );
         // Worth of a summer feature after k others: 0.75 / (1 + k / 2), which is down to 0.25 for k = 4.
         assert_eq!(map.features()[0], 0);
         let winter: Vec<usize> = (0..6).filter(|&at| map.features()[at] >= 6).collect();
@@ -469,13 +485,23 @@ mod tests {
     #[test]
     fn the_first_n_of_a_covering_choice_are_the_same_for_every_larger_n() {
         let model = Table(vec![0.75, 0.5, 0.6, 0.75, 0.3, 0.7, 0.25, 0.2]);
-        let witnesses = summer_and_winter();
+        let references = summer_and_winter();
         let mut all = PredictedMap::new();
-        all.predict_covering(&model, Time::default(), Selection::Top(8), &witnesses);
+        all.predict_covering(
+            &model,
+            Time::default(),
+            Selection::at_least_one(8),
+            &references,
+        );
         assert_eq!(all.len(), 8);
         let mut map = PredictedMap::new();
         for n in 1..8 {
-            map.predict_covering(&model, Time::default(), Selection::Top(n), &witnesses);
+            map.predict_covering(
+                &model,
+                Time::default(),
+                Selection::at_least_one(n),
+                &references,
+            );
             assert_eq!(map.features(), &all.features()[..n]);
         }
     }

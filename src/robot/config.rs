@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::feature::GrayImage;
 use crate::learn::LearnConfig;
-use crate::localize::{LocalizerConfig, MotionConfig, QueryForm};
+use crate::localize::{IndexCache, LocalizerConfig, MotionConfig};
 
 /// Commits are at least this far apart, unless said otherwise.
 const COMMIT_INTERVAL: Duration = Duration::from_secs(1);
@@ -24,7 +24,7 @@ pub(super) enum Place {
 #[derive(Clone, Debug)]
 pub struct RobotConfig {
     pub(super) localize: LocalizerConfig,
-    pub(super) index_cache: QueryForm,
+    pub(super) index_cache: IndexCache,
     pub(super) motion: Option<MotionConfig>,
     pub(super) mask: Option<GrayImage>,
     pub(super) learn: Option<LearnConfig>,
@@ -37,7 +37,7 @@ impl Default for RobotConfig {
     fn default() -> Self {
         Self {
             localize: LocalizerConfig::default(),
-            index_cache: QueryForm::default(),
+            index_cache: IndexCache::default(),
             motion: None,
             mask: None,
             learn: None,
@@ -59,7 +59,7 @@ impl RobotConfig {
     /// Whether what is worked out of a map is kept in a file beside it. A robot that learns has
     /// none.
     #[must_use]
-    pub fn with_index_cache(mut self, index_cache: QueryForm) -> Self {
+    pub fn with_index_cache(mut self, index_cache: IndexCache) -> Self {
         self.index_cache = index_cache;
         self
     }

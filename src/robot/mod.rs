@@ -154,14 +154,14 @@ impl std::fmt::Debug for Robot {
 impl Robot {
     /// Opens a map; its extractor finds the features of every image.
     ///
-    /// Fails as [`Localizer::open_by`] does, and with [`ErrorKind::Config`] if the robot shall
+    /// Fails as [`Localizer::open_with`] does, and with [`ErrorKind::Config`] if the robot shall
     /// learn but the map may not be written or the recipe cannot learn image by image, or if it
     /// shall track but places are not ranked by likelihood.
     pub fn open(path: impl AsRef<Path>, cfg: RobotConfig) -> Result<Self> {
         let path = path.as_ref();
         let (localizer, learner) = match cfg.learn {
             None => (
-                Localizer::open_by(path, cfg.localize, cfg.index_cache)?,
+                Localizer::open_with(path, cfg.localize, cfg.index_cache)?,
                 None,
             ),
             Some(learn) => {
@@ -185,7 +185,7 @@ impl Robot {
                 return Err(Error::new(ErrorKind::Config, message)
                     .with_help("rank places by likelihood, which is the default"));
             }
-            Some(motion) => Some(Tracker::new(localizer.snapshot(), motion)),
+            Some(motion) => Some(Tracker::new(localizer.snapshot(), motion)?),
             None => None,
         };
         let localizer = Arc::new(localizer);
@@ -236,11 +236,9 @@ impl Robot {
         self.timing.extract = begun.elapsed();
 
         let begun = Instant::now();
-        let query = Query {
-            features: &self.features,
-            time: frame.time,
-            image_size: Some(image_size),
-        };
+        let query = Query::new(&self.features)
+            .at(frame.time)
+            .with_image_size(image_size);
         (self.localizer).localize_into(&mut self.scratch, &query, &mut self.answer)?;
         if let Some(tracker) = &mut self.tracker {
             tracker.update(self.localizer.cfg(), &mut self.answer)?;
@@ -330,7 +328,7 @@ impl Robot {
     fn go_on_with_newer_map(&mut self) -> Result<()> {
         let newer = match (&mut self.teaching, self.newer.take()) {
             (Teaching::Thread(worker), _) => worker.take_newer(),
-            (_, Some(snapshot)) => Some(Arc::new(self.localizer.on_newer(snapshot)?)),
+            (_, Some(snapshot)) => Some(Arc::new(self.localizer.with_snapshot(snapshot)?)),
             _ => None,
         };
         if let Some(newer) = newer {

@@ -197,9 +197,9 @@ impl Pupil {
             generation: committed.snapshot.generation,
             took: committed.took,
         });
-        let newer = self.localizer.on_newer(committed.snapshot)?;
+        let newer = self.localizer.with_snapshot(committed.snapshot)?;
         // So that no image waits for it.
-        newer.anticipate(self.latest);
+        newer.prefetch(self.latest);
         self.localizer = Arc::new(newer);
         let mut ready = self.ready.lock().unwrap_or_else(PoisonError::into_inner);
         *ready = Some(Arc::clone(&self.localizer));

@@ -12,8 +12,8 @@ use std::arch::x86_64::{
 };
 use std::ops::Range;
 
+use super::nearest::{DISTANCE_SHIFT, LaneKeys, NO_KEY};
 use super::packed::{Group, ROWS_PER_GROUP};
-use super::{DISTANCE_SHIFT, LaneKeys, NO_KEY};
 
 /// Queries whose state stays in registers while a group of rows is read once.
 const QUERIES_PER_PASS: usize = 2;

@@ -2,7 +2,7 @@
 //!
 //! While a query has no two neighbours yet, the two best of each lane are kept ([`two_smallest_keys`]).
 //! From then on a group is only asked whether one of its rows is nearer than the second best so far
-//! ([`take_in_nearer`]): one minimum and one comparison in place of six operations. Every group that says yes
+//! ([`integrate_nearer`]): one minimum and one comparison in place of six operations. Every group that says yes
 //! lowers the sum of the two best distances, so that there are at most 512 of them for a query, whatever
 //! the rows are; of 40,000 real descriptors there are about six.
 //!
@@ -24,8 +24,8 @@ use std::arch::x86_64::{
 };
 use std::ops::Range;
 
+use super::nearest::{DISTANCE_SHIFT, LaneKeys, NO_KEY, NearestTwo};
 use super::packed::{Group, ROWS_PER_GROUP};
-use super::{DISTANCE_SHIFT, LaneKeys, NO_KEY, NearestTwo};
 
 /// Queries whose state stays in registers while a group of rows is read once.
 const QUERIES_PER_PASS: usize = 4;
@@ -131,7 +131,7 @@ fn step<const N: usize>(
 ///
 /// Exact for every state; fast if there are two neighbours already.
 #[target_feature(enable = "avx512f,avx512vpopcntdq")]
-pub(super) fn take_in_nearer(
+pub(super) fn integrate_nearer(
     queries: &[[u64; 4]],
     groups: &[Group],
     rows: &Range<u32>,
@@ -199,7 +199,7 @@ fn take_in_group(
     while nearer != 0 {
         let lane = nearer.trailing_zeros();
         nearer &= nearer - 1;
-        state.take_in(base + lane, lanes[lane as usize] as u16);
+        state.integrate(base + lane, lanes[lane as usize] as u16);
     }
 }
 

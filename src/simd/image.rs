@@ -8,9 +8,9 @@
 //!
 //! Invariants: no allocation; a row of any length, also shorter than a vector; integers wrap.
 
-use super::Kernel;
+use super::kernel::Kernel;
 #[cfg(target_arch = "x86_64")]
-use super::Kind;
+use super::kernel::Kind;
 
 /// Most stars (sums around a pixel) that a bank of filters has.
 pub(crate) const MAX_STARS: usize = 17;

@@ -10,8 +10,8 @@ use std::arch::aarch64::{
 };
 use std::ops::Range;
 
+use super::nearest::{DISTANCE_SHIFT, LaneKeys, NO_KEY};
 use super::packed::{Group, ROWS_PER_GROUP};
-use super::{DISTANCE_SHIFT, LaneKeys, NO_KEY};
 
 /// Rows of a group whose 32-bit keys fill a vector.
 const ROWS_PER_QUARTER: usize = 4;

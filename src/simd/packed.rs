@@ -5,7 +5,7 @@
 //! (`j = 1`) rows, and the distances of both, the odd ones shifted to the upper halves, are 32-bit
 //! lanes in row order.
 
-use super::Bits256;
+use super::bits256::Bits256;
 
 /// Rows in a group.
 pub(super) const ROWS_PER_GROUP: usize = 16;

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
+use super::nearest::{DISTANCE_SHIFT, LaneKeys, NO_KEY};
 use super::packed::{Group, ROWS_PER_GROUP};
-use super::{DISTANCE_SHIFT, LaneKeys, NO_KEY};
 
 #[inline]
 fn distance_bits(a: &[u64; 4], b: &[u64; 4]) -> u32 {

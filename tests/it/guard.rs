@@ -114,11 +114,7 @@ fn answers(snapshot: &Snapshot) -> (Vec<Decision>, usize) {
     let mut num_right = 0;
     let decisions = (visits(&schedule().query, 3).iter())
         .map(|it| {
-            let query = Query {
-                features: &it.features,
-                time: Some(it.time),
-                image_size: None,
-            };
+            let query = Query::new(&it.features).at(it.time);
             let answer = localizer.localize(&mut scratch, &query).expect("fits");
             let right = snapshot.find(&world().places()[it.place]).expect("a place");
             num_right += usize::from(answer.decision == Decision::At(right));

@@ -6,7 +6,7 @@ use std::sync::{Arc, OnceLock};
 use chronotope::Time;
 use chronotope::feature::{Descriptor, Features, Keypoint};
 use chronotope::localize::{
-    Candidates, Decision, Localizer, LocalizerConfig, Preset, Query, Score,
+    Decision, Localizer, LocalizerConfig, PlaceSearch, Preset, Query, Score,
 };
 use chronotope::map::{
     AppearanceUse, MapMeta, Node, NodeId, PlaceKey, SessionId, Snapshot, Visit, VisitId,
@@ -94,24 +94,20 @@ fn image_of(place: usize) -> Features {
     image
 }
 
-fn localizer(candidates: Candidates) -> Localizer {
-    let cfg = LocalizerConfig::default().with_candidates(candidates);
+fn localizer(candidates: PlaceSearch) -> Localizer {
+    let cfg = LocalizerConfig::default().with_place_search(candidates);
     Localizer::new(map(), cfg).expect("map fits")
 }
 
 fn query(features: &Features, s: i64) -> Query<'_> {
-    Query {
-        features,
-        time: Some(Time::from_s(1_700_020_000 + s)),
-        image_size: None,
-    }
+    Query::new(features).at(Time::from_s(1_700_020_000 + s))
 }
 
 #[test]
 fn candidates_hold_the_place_and_what_they_say_of_it_is_exact() {
-    let exact = localizer(Candidates::Exact);
+    let exact = localizer(PlaceSearch::Exact);
     let mut scratch = exact.scratch();
-    for kind in [Candidates::Inverted, Candidates::Words] {
+    for kind in [PlaceSearch::Inverted, PlaceSearch::Words] {
         let listed = localizer(kind);
         for place in (0..NUM_PLACES).step_by(19) {
             let image = image_of(place);
@@ -130,8 +126,8 @@ fn candidates_hold_the_place_and_what_they_say_of_it_is_exact() {
             }
             // What was not matched keeps a share: the sum of the listed is below 1.
             let sum: f64 = some.ranking.iter().map(|it| it.posterior).sum();
-            assert!(sum + some.elsewhere <= 1.0 + 1e-12);
-            assert!((some.elsewhere - all.elsewhere).abs() < 0.05);
+            assert!(sum + some.off_map <= 1.0 + 1e-12);
+            assert!((some.off_map - all.off_map).abs() < 0.05);
         }
     }
 }
@@ -139,12 +135,12 @@ fn candidates_hold_the_place_and_what_they_say_of_it_is_exact() {
 #[test]
 fn an_index_is_the_same_in_every_run_and_small_maps_need_none() {
     let image = image_of(5);
-    for kind in [Candidates::Inverted, Candidates::Words] {
+    for kind in [PlaceSearch::Inverted, PlaceSearch::Words] {
         let [a, b] = [(); 2].map(|()| localizer(kind));
         let [a, b] = [a, b].map(|it| it.localize(&mut it.scratch(), &query(&image, 0)));
         assert_eq!(a.expect("fits"), b.expect("fits"), "{kind:?}");
     }
-    let auto = localizer(Candidates::Auto);
+    let auto = localizer(PlaceSearch::Auto);
     let found = (auto.localize(&mut auto.scratch(), &query(&image, 0))).expect("fits");
     assert_eq!(found.ranking.len(), NUM_PLACES, "too few to leave any out");
 }
@@ -153,7 +149,7 @@ fn an_index_is_the_same_in_every_run_and_small_maps_need_none() {
 fn places_vote_by_count_where_nothing_is_calibrated() {
     let cfg = LocalizerConfig::preset(Preset::Lttl)
         .with_score(Score::Count)
-        .with_candidates(Candidates::Inverted);
+        .with_place_search(PlaceSearch::Inverted);
     let localizer = Localizer::new(map(), cfg).expect("map fits");
     for place in [0, 77, 399] {
         let image = image_of(place);
@@ -171,7 +167,7 @@ fn a_batch_is_its_single_answers_for_any_number_of_threads() {
     let queries: Vec<Query<'_>> = (images.iter().zip(0..))
         .map(|(image, i)| query(image, (i * 7 % 3) * 5_000))
         .collect();
-    for kind in [Candidates::Exact, Candidates::Inverted] {
+    for kind in [PlaceSearch::Exact, PlaceSearch::Inverted] {
         let localizer = localizer(kind);
         let singles: Vec<_> = (queries.iter())
             .map(|query| {
@@ -197,7 +193,7 @@ fn a_batch_is_its_single_answers_for_any_number_of_threads() {
     }
     let mut queries = queries;
     queries[7].time = None;
-    let localizer = localizer(Candidates::Exact);
+    let localizer = localizer(PlaceSearch::Exact);
     assert!(
         localizer.localize_batch(&queries).is_err(),
         "one has no time"

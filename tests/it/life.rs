@@ -134,11 +134,9 @@ fn a_map_within_a_budget_stays_within_it_and_keeps_what_is_useful() {
     let mut scratch = localizer.scratch();
     for number in NUM_VISITS..NUM_VISITS + 20 {
         let live = image(number % 2, number / 2);
-        let query = Query {
-            features: &live,
-            time: Some(time(number / 2)),
-            image_size: Some((640, 480)),
-        };
+        let query = Query::new(&live)
+            .at(time(number / 2))
+            .with_image_size((640, 480));
         let answer = localizer.localize(&mut scratch, &query).expect("fits");
         let right = localizer.snapshot().find(&place(number % 2));
         assert_eq!(Some(answer.decision), right.map(Decision::At), "{number}");
@@ -362,15 +360,13 @@ fn one_process_learns_while_another_localises() {
         if snapshot.generation > newest {
             newest = snapshot.generation;
             num_generations += 1;
-            localizer = localizer.on_newer(snapshot).expect("sound");
+            localizer = localizer.with_snapshot(snapshot).expect("sound");
         }
         for number in [2 * num_answers, 2 * num_answers + 1] {
             let live = image(number % 2, 3 + number % 8);
-            let query = Query {
-                features: &live,
-                time: Some(time(NUM_KNOWN)),
-                image_size: Some((640, 480)),
-            };
+            let query = Query::new(&live)
+                .at(time(NUM_KNOWN))
+                .with_image_size((640, 480));
             let answer = localizer.localize(&mut scratch, &query).expect("fits");
             let right = localizer.snapshot().find(&place(number % 2));
             assert_eq!(answer.first().map(|first| first.node), right);

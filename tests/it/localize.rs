@@ -92,11 +92,9 @@ fn localizer(preset: Preset, method: Method) -> Localizer {
 }
 
 fn query(seen: &Seen) -> Query<'_> {
-    Query {
-        features: &seen.features,
-        time: Some(seen.entry.time),
-        image_size: Some(SIZE),
-    }
+    Query::new(&seen.features)
+        .at(seen.entry.time)
+        .with_image_size(SIZE)
 }
 
 fn is_right(localizer: &Localizer, seen: &Seen, found: &Localization) -> bool {
@@ -140,15 +138,15 @@ fn a_sweep_says_what_single_localisations_say() {
                     .sweep(&mut scratch, &query(seen), &mut sweep)
                     .expect("fits");
                 for (size, &n) in sizes.iter().enumerate() {
-                    localizer = localizer.with_selection(Selection::Top(n));
+                    localizer = localizer.with_selection(Selection::top(n).expect("positive"));
                     let found = localizer
                         .localize(&mut scratch, &query(seen))
                         .expect("fits");
                     assert_eq!(found.pairs_compared, sweep.pairs_compared()[size]);
                     for candidate in &found.ranking {
-                        let tally = sweep.tally(candidate.node, size);
+                        let scores = sweep.scores(candidate.node, size);
                         let score = localizer.cfg().score();
-                        assert_eq!(candidate.score, tally.of(score), "{preset} {method} {n}");
+                        assert_eq!(candidate.score, scores.by(score), "{preset} {method} {n}");
                     }
                 }
             }
@@ -180,14 +178,11 @@ fn images_of_one_time_bucket_get_one_prediction_whatever_came_before() {
     let mut scratch = warm.scratch();
     let seen = &street().query[0];
     let middle = cfg.middle_of_bucket(seen.entry.time);
-    let at = |s: i64| Query {
-        time: Some(middle.plus_us(s * 1_000_000)),
-        ..query(seen)
-    };
+    let at = |s: i64| query(seen).at(middle.plus_us(s * 1_000_000));
     let expected = cold.localize(&mut cold.scratch(), &at(0)).expect("fits");
     // Other buckets in between, more than are kept; one prepared beforehand, on other threads.
     for s in [-1800, 5000, 1799, 20_000, -7, 90_000, 0] {
-        warm.anticipate(middle.plus_us(s * 1_000_000));
+        warm.prefetch(middle.plus_us(s * 1_000_000));
         let mut found = warm.localize(&mut scratch, &at(s)).expect("fits");
         if (-1800..1800).contains(&s) {
             assert_eq!(found.time, at(s).time);
@@ -218,7 +213,7 @@ fn evidence_adds_up() {
                 .localize(&mut localizer.scratch(), &query(seen))
                 .expect("fits");
             let shares: f64 = found.ranking.iter().map(|c| c.posterior).sum();
-            assert!((shares + found.elsewhere - 1.0).abs() < 1e-12);
+            assert!((shares + found.off_map - 1.0).abs() < 1e-12);
             assert!(found.ranking.is_sorted_by(|a, b| a.score >= b.score));
             for candidate in &found.ranking {
                 assert_eq!(candidate.num_matches as usize, candidate.matches.len());
@@ -243,11 +238,9 @@ fn an_image_of_nothing_is_unknown() {
     for method in Method::ALL {
         let localizer = localizer(Preset::Default, method);
         let nothing = Features::new();
-        let query = Query {
-            features: &nothing,
-            time: Some(Time::from_s(1_700_000_000)),
-            image_size: Some(SIZE),
-        };
+        let query = Query::new(&nothing)
+            .at(Time::from_s(1_700_000_000))
+            .with_image_size(SIZE);
         let found = localizer
             .localize(&mut localizer.scratch(), &query)
             .expect("an answer");
@@ -271,9 +264,7 @@ fn snapshot_without_last() -> (Arc<Snapshot>, PlaceKey) {
 
 #[test]
 fn places_of_the_map_are_located_and_others_are_not() {
-    let cfg = LocalizerConfig::default()
-        .with_elsewhere(0.5)
-        .with_risk(0.1);
+    let cfg = LocalizerConfig::default().with_off_map(0.5).with_risk(0.1);
     let whole = Localizer::new(snapshot(Preset::Default), cfg.clone()).expect("map fits");
     let (part, unknown) = snapshot_without_last();
     let part = Localizer::new(part, cfg).expect("map fits");
@@ -293,7 +284,7 @@ fn places_of_the_map_are_located_and_others_are_not() {
                 .expect("fits");
             foreign += 1;
             accepted += usize::from(matches!(found.decision, Decision::At(_)));
-            assert!(found.elsewhere > 0.1, "{}", found.reason);
+            assert!(found.off_map > 0.1, "{}", found.reason);
         }
     }
     // Ten visits a place are few: an even prior for "elsewhere" leaves some undecided.
@@ -351,7 +342,7 @@ fn an_attached_calibration_is_taken_while_it_fits_and_never_otherwise() {
     assert!(is_taken(&known(with(marked.as_bytes()), cfg.clone())));
     let other_n = cfg
         .clone()
-        .with_selection(Selection::Top(20))
+        .with_selection(Selection::top(20).expect("positive"))
         .with_risk(0.3);
     assert!(
         is_taken(&known(with(marked.as_bytes()), other_n)),
@@ -414,10 +405,7 @@ fn a_map_of_single_visits_is_calibrated_by_assumption() {
 fn queries_that_do_not_fit_are_refused_with_a_remedy() {
     let seen = &street().query[0];
     let fremen = localizer(Preset::Default, Method::Fremen);
-    let without_time = Query {
-        time: None,
-        ..query(seen)
-    };
+    let without_time = query(seen).at(None);
     let error = fremen
         .localize(&mut fremen.scratch(), &without_time)
         .expect_err("needs a time");
@@ -428,10 +416,7 @@ fn queries_that_do_not_fit_are_refused_with_a_remedy() {
         .localize(&mut fixed.scratch(), &without_time)
         .expect("needs no time");
 
-    let small = Query {
-        image_size: Some((100, 100)),
-        ..query(seen)
-    };
+    let small = query(seen).with_image_size((100, 100));
     let error = fremen
         .localize(&mut fremen.scratch(), &small)
         .expect_err("another size");
@@ -453,10 +438,7 @@ fn queries_that_do_not_fit_are_refused_with_a_remedy() {
 fn any_time_has_an_answer() {
     let localizer = localizer(Preset::Default, Method::Fremen);
     for us in [i64::MIN, -1, 0, i64::MAX] {
-        let query = Query {
-            time: Some(Time::from_us(us)),
-            ..query(&street().query[0])
-        };
+        let query = query(&street().query[0]).at(Time::from_us(us));
         let found = localizer
             .localize(&mut localizer.scratch(), &query)
             .expect("an answer");

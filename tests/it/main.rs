@@ -10,6 +10,7 @@ mod feature;
 #[cfg(feature = "opencv")]
 mod feature_opencv;
 mod guard;
+mod index_cache;
 mod large_map;
 mod life;
 mod localize;
@@ -17,7 +18,6 @@ mod map;
 mod matching;
 mod merge;
 mod newer;
-mod query_form;
 mod robot;
 mod synthetic;
 mod tracking;

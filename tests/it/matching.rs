@@ -1,4 +1,4 @@
-//! The rules of `matching` and the kernels of `simd` against plain oracles.
+//! The rules of `matching` against plain oracles.
 
 use chronotope::feature::{Descriptor, Features, Keypoint};
 use chronotope::matching::{
@@ -6,7 +6,7 @@ use chronotope::matching::{
     NearestNeighbours, SearchScratch, TwoWay, TwoWayConfig, VoteConfig, VoteScratch, Window,
     displacements_into, vote_displacement, vote_subset,
 };
-use chronotope::simd::{Kernel, NearestTwo, PackedDescriptors};
+use chronotope::simd::{Kernel, NearestTwo};
 use proptest::prelude::*;
 
 /// Descriptors with few different distances, so that ties are common, beside arbitrary ones.
@@ -79,47 +79,6 @@ proptest! {
     }
 
     #[test]
-    fn every_kernel_finds_what_sorting_finds(
-        queries in descriptors(70),
-        train in descriptors(100),
-    ) {
-        let expected = nearest_two_of_all(&queries, &train);
-        let packed = PackedDescriptors::pack(&train);
-        for kernel in Kernel::available() {
-            let mut out = vec![NearestTwo::EMPTY; queries.len()];
-            kernel.nearest_two(&queries, &train, &mut out);
-            prop_assert_eq!(&out, &expected, "{}", kernel);
-            out.fill(NearestTwo::EMPTY);
-            kernel.nearest_two_packed(&queries, &packed, &mut out);
-            prop_assert_eq!(&out, &expected, "{} packed", kernel);
-        }
-    }
-
-    #[test]
-    fn rows_within_are_those_that_are_near(
-        query in descriptor(),
-        train in descriptors(70),
-        first in 0_usize..70,
-        len in 0_usize..70,
-        max_bits in 0_u16..=256,
-    ) {
-        let packed = PackedDescriptors::pack(&train);
-        let rows = first.min(train.len())..(first + len).min(train.len());
-        let expected: Vec<(u32, u16)> = rows
-            .clone()
-            .map(|row| (row as u32, query.distance_bits(&train[row]) as u16))
-            .filter(|&(_, bits)| bits <= max_bits)
-            .collect();
-        for kernel in Kernel::available() {
-            let mut found = Vec::new();
-            kernel.rows_within(&query, &packed, rows.clone(), max_bits, |row, bits| {
-                found.push((row, bits));
-            });
-            prop_assert_eq!(&found, &expected, "{}", kernel);
-        }
-    }
-
-    #[test]
     fn an_inverted_file_of_which_all_lists_are_searched_finds_every_near_row(
         queries in descriptors(9),
         train in descriptors(90),
@@ -141,47 +100,6 @@ proptest! {
     }
 
     #[test]
-    fn every_kernel_measures_every_distance(query in descriptor(), train in descriptors(70)) {
-        let expected: Vec<_> = train.iter().map(|row| query.distance_bits(row) as u16).collect();
-        let packed = PackedDescriptors::pack(&train);
-        for kernel in Kernel::available() {
-            let mut out = vec![0; train.len()];
-            kernel.distances_into(&query, &packed, &mut out);
-            prop_assert_eq!(&out, &expected, "{}", kernel);
-        }
-    }
-
-    #[test]
-    fn parts_are_searched_as_if_each_were_all(
-        queries in descriptors(40),
-        parts in prop::collection::vec(descriptors(40), 0..8),
-        large in 0_usize..300,
-    ) {
-        let mut parts = parts;
-        if let Some(first) = parts.first_mut() {
-            // More rows than wait on the stack at once.
-            let rows: Vec<Descriptor> = (0..large as u64).map(|i| Descriptor([i, i / 7, 0, 1])).collect();
-            first.extend(rows);
-        }
-        let rows = parts.concat();
-        let ends: Vec<usize> = parts.iter().scan(0, |end, part| {
-            *end += part.len();
-            Some(*end)
-        }).collect();
-        let packed = PackedDescriptors::pack(&queries);
-        for kernel in Kernel::available() {
-            let mut state = vec![NearestTwo::EMPTY; queries.len()];
-            let mut num_parts = 0;
-            kernel.nearest_two_of_parts(&packed, &rows, &ends, &mut state, |part, state| {
-                assert_eq!(part, num_parts);
-                assert_eq!(state, nearest_two_of_all(&queries, &parts[part]), "{kernel}");
-                num_parts += 1;
-            });
-            prop_assert_eq!(num_parts, parts.len());
-        }
-    }
-
-    #[test]
     fn matching_many_parts_is_matching_each(
         parts in prop::collection::vec(features(30), 0..6),
         live in features(40),
@@ -194,11 +112,11 @@ proptest! {
         let direction = if is_map_asking { Direction::MapToLive } else { Direction::LiveToMap };
         let window = has_window.then(|| Window::new(20.0, 10.0).unwrap());
         let cfg = MatchConfig::builder()
-            .direction(direction)
-            .mutual(mutual)
-            .unique(unique)
-            .window(window)
-            .max_bits(max_bits)
+            .with_direction(direction)
+            .with_mutual(mutual)
+            .with_unique(unique)
+            .with_window(window)
+            .with_max_bits(max_bits)
             .build()
             .unwrap();
         let mut map = Features::new();
@@ -220,39 +138,6 @@ proptest! {
                 matcher.matches_into(&mut scratch, part.view(), live.view(), &mut alone);
                 prop_assert_eq!(found, alone, "{}", kernel);
             }
-        }
-    }
-
-    #[test]
-    fn rows_out_of_many_are_searched_as_if_they_were_all(
-        queries in descriptors(9),
-        train in descriptors(90),
-        first in 0_usize..90,
-        len in 0_usize..60,
-    ) {
-        let rows = first.min(train.len())..(first + len).min(train.len());
-        let moved = |id: u32| if id == NearestTwo::NONE { id } else { id + rows.start as u32 };
-        let mut expected = nearest_two_of_all(&queries, &train[rows.clone()]);
-        for found in &mut expected {
-            (found.best, found.second) = (moved(found.best), moved(found.second));
-        }
-        let packed = PackedDescriptors::pack(&train);
-        for kernel in Kernel::available() {
-            let mut out = vec![NearestTwo::EMPTY; queries.len()];
-            kernel.nearest_two_of_rows(&queries, &packed, rows.clone(), &mut out);
-            prop_assert_eq!(&out, &expected, "{}", kernel);
-        }
-    }
-
-    #[test]
-    fn every_kernel_sums_every_distance(queries in descriptors(11), train in descriptors(90)) {
-        let expected: u64 = queries
-            .iter()
-            .flat_map(|query| train.iter().map(|row| u64::from(query.distance_bits(row))))
-            .sum();
-        let packed = PackedDescriptors::pack(&train);
-        for kernel in Kernel::available() {
-            prop_assert_eq!(kernel.sum_of_distances(&queries, &packed), expected, "{}", kernel);
         }
     }
 
@@ -296,33 +181,6 @@ proptest! {
         }
     }
 
-    #[test]
-    fn prefixes_in_one_pass_equal_separate_searches(
-        queries in descriptors(6),
-        train in descriptors(90),
-        mut checkpoints in prop::collection::vec(0..100_usize, 0..8),
-    ) {
-        checkpoints.sort_unstable();
-        let expected: Vec<_> = checkpoints
-            .iter()
-            .map(|&count| nearest_two_of_all(&queries, &train[..count.min(train.len())]))
-            .collect();
-        let packed = PackedDescriptors::pack(&train);
-        for kernel in Kernel::available() {
-            let mut state = vec![NearestTwo::EMPTY; queries.len()];
-            let mut seen = Vec::new();
-            kernel.nearest_two_prefixes(&queries, &train, &checkpoints, &mut state, |c, now| {
-                assert_eq!(c, seen.len());
-                seen.push(now.to_vec());
-            });
-            prop_assert_eq!(&seen, &expected, "{}", kernel);
-            seen.clear();
-            kernel.nearest_two_prefixes_packed(
-                &queries, &packed, &checkpoints, &mut state, |_, now| seen.push(now.to_vec()),
-            );
-            prop_assert_eq!(&seen, &expected, "{} packed", kernel);
-        }
-    }
 }
 
 #[test]
@@ -336,66 +194,6 @@ fn an_inverted_file_of_nothing_is_refused_or_finds_nothing() {
     let mut scratch = SearchScratch::default();
     empty.nearest_two_into(&mut scratch, &[Descriptor([1; 4])], &mut out);
     assert_eq!((out[0], empty.num_lists()), (NearestTwo::EMPTY, 0));
-}
-
-#[test]
-fn kernels_agree_across_block_borders() {
-    // Larger than the blocks of slices (512) and of packed rows (1024); equal rows on both sides of a
-    // border, so that a tie spans it.
-    let mut train: Vec<Descriptor> = (0..2100_u64)
-        .map(|row| {
-            let word = |w: u64| (row * 4 + w + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-            Descriptor([word(0), word(1), word(2), word(3)])
-        })
-        .collect();
-    for twin in [(511, 512), (1023, 1024), (100, 2099)] {
-        train[twin.1] = train[twin.0];
-    }
-    let queries: Vec<_> = [511, 1023, 100, 2098, 0]
-        .map(|row: usize| train[row])
-        .into_iter()
-        .chain((0..70_u64).map(|q| Descriptor([q, !q, q << 7, q << 50])))
-        .collect();
-    let expected = nearest_two_of_all(&queries, &train);
-    assert_eq!((expected[0].best, expected[0].second), (511, 512));
-    every_kernel_says(&expected, &queries, &train);
-}
-
-/// Plain and packed.
-fn every_kernel_says(expected: &[NearestTwo], queries: &[Descriptor], train: &[Descriptor]) {
-    let packed = PackedDescriptors::pack(train);
-    for kernel in Kernel::available() {
-        let mut out = vec![NearestTwo::EMPTY; queries.len()];
-        kernel.nearest_two(queries, train, &mut out);
-        assert_eq!(out, expected, "{kernel}");
-        kernel.nearest_two_packed(queries, &packed, &mut out);
-        assert_eq!(out, expected, "{kernel} packed");
-    }
-}
-
-#[test]
-fn kernels_agree_where_rows_come_nearer_and_nearer() {
-    // More rows at the greatest distance than a block has, then three at each distance down to 0: every
-    // group has rows that are nearer than all before, and ties.
-    let queries: Vec<_> = (0..8_u64)
-        .map(|q| Descriptor([q, q << 20, !q, q.wrapping_mul(0x9E37_79B9_7F4A_7C15)]))
-        .collect();
-    let at_distance = |query: &Descriptor, bits: usize| {
-        let mut row = *query;
-        for bit in 0..bits {
-            row.0[bit / 64] ^= 1 << (bit % 64);
-        }
-        row
-    };
-    let distances =
-        std::iter::repeat_n(256, 1030).chain((0..=256).rev().flat_map(|bits| [bits; 3]));
-    let train: Vec<_> = distances
-        .map(|bits| at_distance(&queries[0], bits))
-        .collect();
-    let expected = nearest_two_of_all(&queries, &train);
-    let last = train.len() as u32 - 3;
-    assert_eq!((expected[0].best, expected[0].second), (last, last + 1));
-    every_kernel_says(&expected, &queries, &train);
 }
 
 /// The rules of the module's documentation, one after the other, in `O(map * live)` each.
@@ -474,13 +272,13 @@ fn config() -> impl Strategy<Value = MatchConfig> {
             |(direction, max_bits, ratio, [lone, mutual, unique], windowed)| {
                 let window = windowed.then(|| Window::new(25.0, 15.0).ok()).flatten();
                 MatchConfig::builder()
-                    .direction(direction)
-                    .max_bits(max_bits)
-                    .ratio(ratio)
-                    .accept_lone(lone)
-                    .mutual(mutual)
-                    .unique(unique)
-                    .window(window)
+                    .with_direction(direction)
+                    .with_max_bits(max_bits)
+                    .with_ratio(ratio)
+                    .with_accept_lone(lone)
+                    .with_mutual(mutual)
+                    .with_unique(unique)
+                    .with_window(window)
                     .build()
                     .ok()
             },
@@ -541,7 +339,7 @@ proptest! {
     fn selecting_from_evidence_equals_matching_the_selected_map(
         cfg in config(), map in features(40), live in features(20), keep in any::<u64>(),
     ) {
-        let cfg = cfg.to_builder().direction(Direction::MapToLive).mutual(false).build().unwrap();
+        let cfg = cfg.to_builder().with_direction(Direction::MapToLive).with_mutual(false).build().unwrap();
         let ids: Vec<u32> = (0..map.len() as u32).filter(|id| keep >> id & 1 == 1).collect();
         let matcher = Matcher::new(cfg.clone());
         let mut scratch = MatchScratch::default();
@@ -558,9 +356,9 @@ proptest! {
 
     #[test]
     fn mutual_matching_is_symmetric(map in features(40), live in features(40)) {
-        let mutual = MatchConfig::builder().max_bits(256).mutual(true);
+        let mutual = MatchConfig::builder().with_max_bits(256).with_mutual(true);
         let from = |direction, a: &Features, b: &Features| {
-            let mut found = matches(&mutual.clone().direction(direction).build().unwrap(), a, b);
+            let mut found = matches(&mutual.clone().with_direction(direction).build().unwrap(), a, b);
             found.sort_unstable_by_key(|m| (m.map, m.live));
             found
         };
@@ -576,7 +374,7 @@ proptest! {
 
     #[test]
     fn a_live_feature_is_used_once(map in features(40), live in features(10)) {
-        let cfg = MatchConfig::builder().max_bits(256).build().unwrap();
+        let cfg = MatchConfig::builder().with_max_bits(256).build().unwrap();
         let found = matches(&cfg, &map, &live);
         let mut used: Vec<_> = found.iter().map(|m| m.live).collect();
         used.sort_unstable();
@@ -665,7 +463,7 @@ proptest! {
     fn shifting_all_live_keypoints_shifts_the_vote_and_changes_no_count(
         map in features(30), live in features(30), dx in -50..50_i16, dy in -50..50_i16,
     ) {
-        let cfg = MatchConfig::builder().max_bits(256).unique(false).build().unwrap();
+        let cfg = MatchConfig::builder().with_max_bits(256).with_unique(false).build().unwrap();
         let found = matches(&cfg, &map, &live);
         let shifted: Vec<_> = live
             .keypoints()

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use chronotope::localize::{Candidates, Localizer, LocalizerConfig, Score};
+use chronotope::localize::{Localizer, LocalizerConfig, PlaceSearch, Score};
 use chronotope::map::Snapshot;
 
-use crate::query_form::{NUM_FEATURES, NUM_VISITS, answers, cfg, map};
+use crate::index_cache::{NUM_FEATURES, NUM_VISITS, answers, cfg, map};
 
 /// A map, and one that came of it: a place that forgot features and visits, another that forgot visits, and a new one.
 fn two_maps(num_places: usize) -> (Arc<Snapshot>, Arc<Snapshot>) {
@@ -31,8 +31,8 @@ fn two_maps(num_places: usize) -> (Arc<Snapshot>, Arc<Snapshot>) {
     (Arc::new(older), Arc::new(newer))
 }
 
-fn both(candidates: Candidates) -> [LocalizerConfig; 2] {
-    let cfg = cfg().with_candidates(candidates);
+fn both(candidates: PlaceSearch) -> [LocalizerConfig; 2] {
+    let cfg = cfg().with_place_search(candidates);
     [
         cfg.clone(),
         cfg.with_score(Score::Inliers).with_calibrated(false),
@@ -42,13 +42,13 @@ fn both(candidates: Candidates) -> [LocalizerConfig; 2] {
 #[test]
 fn a_forecast_that_is_taken_over_is_the_one_that_would_be_made() {
     let (older, newer) = two_maps(300);
-    for candidates in [Candidates::Exact, Candidates::Inverted] {
+    for candidates in [PlaceSearch::Exact, PlaceSearch::Inverted] {
         for cfg in both(candidates) {
             let localizer = Localizer::new(Arc::clone(&older), cfg.clone()).expect("fits");
             // Nobody has asked yet, so there is nothing to take over but models.
-            let fresh = (localizer.on_newer(Arc::clone(&newer))).expect("fits");
+            let fresh = (localizer.with_snapshot(Arc::clone(&newer))).expect("fits");
             let before = answers(&localizer);
-            let asked = (localizer.on_newer(Arc::clone(&newer))).expect("fits");
+            let asked = (localizer.with_snapshot(Arc::clone(&newer))).expect("fits");
             let expected = answers(&fresh);
             assert!(answers(&asked) == expected, "{cfg:?}");
             assert!(before != expected, "the maps differ");
@@ -59,9 +59,9 @@ fn a_forecast_that_is_taken_over_is_the_one_that_would_be_made() {
                     .collect(),
                 ..(*newer).clone()
             };
-            let apart = localizer.on_newer(Arc::new(apart)).expect("fits");
+            let apart = localizer.with_snapshot(Arc::new(apart)).expect("fits");
             assert!(answers(&apart) == expected, "{cfg:?}");
-            if !cfg.calibrated() && candidates == Candidates::Exact {
+            if !cfg.calibrated() && candidates == PlaceSearch::Exact {
                 let anew = Localizer::new(Arc::clone(&newer), cfg).expect("fits");
                 assert!(answers(&anew) == expected);
             }
@@ -72,15 +72,15 @@ fn a_forecast_that_is_taken_over_is_the_one_that_would_be_made() {
 #[test]
 fn a_map_that_lost_places_is_one_to_go_on_with() {
     let (older, newer) = two_maps(6);
-    let [_, cfg] = both(Candidates::Exact);
+    let [_, cfg] = both(PlaceSearch::Exact);
     let localizer = Localizer::new(newer, cfg.clone()).expect("fits");
     answers(&localizer);
-    let shorter = (localizer.on_newer(Arc::clone(&older))).expect("fits");
+    let shorter = (localizer.with_snapshot(Arc::clone(&older))).expect("fits");
     let anew = Localizer::new(older, cfg).expect("fits");
     assert!(answers(&shorter) == answers(&anew));
     let nothing = Snapshot::empty(anew.snapshot().meta.clone());
     let error = localizer
-        .on_newer(Arc::new(nothing))
+        .with_snapshot(Arc::new(nothing))
         .expect_err("no places");
     assert!(error.to_string().contains("no places"), "{error}");
 }

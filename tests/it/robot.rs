@@ -91,11 +91,7 @@ fn it_answers_what_a_localizer_answers_and_leaves_the_map_alone() {
     let mut num_right = 0;
     for (place, time, image) in drive(9) {
         let features = extractor.extract(&image, None).expect("fits");
-        let query = Query {
-            features: &features,
-            time: Some(time),
-            image_size: Some((320, 240)),
-        };
+        let query = Query::new(&features).at(time).with_image_size((320, 240));
         let expected = localizer.localize(&mut scratch, &query).expect("fits");
         assert_eq!(robot.see(&image, time).expect("fits"), &expected);
         assert_eq!(robot.features(), &features);

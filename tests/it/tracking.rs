@@ -64,21 +64,17 @@ fn a_way_through_the_street_is_followed_and_a_kidnapping_is_noticed() {
     let world = World::new(&WorldConfig::new(4243).num_places(NUM_PLACES)).expect("valid");
     let schedule = Schedule::standard(4243, 8, 4);
     let snapshot = learn(&world, &schedule.learn);
-    let cfg = LocalizerConfig::default().with_selection(Selection::Top(N));
+    let cfg = LocalizerConfig::default().with_selection(Selection::top(N).expect("positive"));
     let localizer = Localizer::new(Arc::clone(&snapshot), cfg).expect("fits");
     let mut scratch = localizer.scratch();
     let mut answer = Localization::default();
     let (mut alone, mut followed, mut located) = (0, 0, [0, 0]);
     for (round, &start) in schedule.query.iter().enumerate() {
-        let mut tracker = Tracker::new(&snapshot, MotionConfig::default());
+        let mut tracker = Tracker::new(&snapshot, MotionConfig::default()).expect("valid");
         for (image, &place) in ROUTE.iter().enumerate() {
             let time = start.plus_us(image as i64 * Period::DAY.as_us() / 1440);
             let live = features(&world, place, time, round as u64);
-            let query = Query {
-                features: &live,
-                time: Some(time),
-                image_size: Some(SIZE),
-            };
+            let query = Query::new(&live).at(time).with_image_size(SIZE);
             localizer
                 .localize_into(&mut scratch, &query, &mut answer)
                 .expect("a valid query");
@@ -98,7 +94,7 @@ fn a_way_through_the_street_is_followed_and_a_kidnapping_is_noticed() {
                 .expect("the same map");
             followed += usize::from(!is_kidnapped && is_right(&answer));
             located[1] += usize::from(is_located(&answer));
-            let total: f64 = tracker.belief().iter().sum::<f64>() + tracker.elsewhere();
+            let total: f64 = tracker.belief().iter().sum::<f64>() + tracker.off_map();
             assert!((total - 1.0).abs() < 1e-9, "{tracker:?}");
             if image == KIDNAPPED_AT + 2 {
                 assert!(

@@ -88,11 +88,9 @@ fn query_own_places(snapshot: &Arc<Snapshot>, cfg: &LocalizerConfig) {
         .iter()
         .zip([1_700_000_000, -5].map(Time::from_s))
     {
-        let query = Query {
-            features: &node.features,
-            time: Some(time),
-            image_size: snapshot.meta.image_size,
-        };
+        let query = Query::new(&node.features)
+            .at(time)
+            .with_image_size(snapshot.meta.image_size);
         if let Ok(answer) = localizer.localize(&mut scratch, &query) {
             for candidate in &answer.ranking {
                 assert!((0.0..=1.0).contains(&candidate.posterior), "{candidate:?}");
@@ -350,11 +348,9 @@ pub(crate) fn query_form(bytes: &[u8]) {
     let localizer = Localizer::open(folder.path().join("a.map"), cfg).expect("a sound map");
     let mut scratch = localizer.scratch();
     for node in &localizer.snapshot().nodes {
-        let query = Query {
-            features: &node.features,
-            time: Some(Time::from_s(1_700_000_000)),
-            image_size: localizer.snapshot().meta.image_size,
-        };
+        let query = Query::new(&node.features)
+            .at(Time::from_s(1_700_000_000))
+            .with_image_size(localizer.snapshot().meta.image_size);
         drop(localizer.localize(&mut scratch, &query));
     }
 }

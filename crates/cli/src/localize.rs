@@ -15,7 +15,8 @@ use super::{ConfigArgs, Outcome, interrupt, named, preset_of};
 use chronotope::error::Error;
 use chronotope::feature::{LoadOptions, load_mask};
 use chronotope::localize::{
-    Candidate, Decision, Localization, Localizer, LocalizerConfig, Method, Preset, QueryForm, Score,
+    Candidate, Decision, IndexCache, Localization, Localizer, LocalizerConfig, Method, Preset,
+    Score,
 };
 use chronotope::map::{MapMeta, NodeId, PlaceKey, Snapshot};
 use chronotope::predict::Selection;
@@ -78,8 +79,8 @@ pub(super) struct LocalizeArgs {
     /// Whether to keep what is worked out of the map in a file beside it, MAP.*.query, so that the
     /// next call starts at once: `auto` where that took more than a second. Answers are the same
     /// without, and the files may be deleted at any time. --learn has none.
-    #[arg(long, value_name = "WHEN", default_value_t, value_parser = named::<QueryForm>(QueryForm::ALL.map(QueryForm::name)))]
-    query_form: QueryForm,
+    #[arg(long, value_name = "WHEN", default_value_t, value_parser = named::<IndexCache>(IndexCache::ALL.map(IndexCache::name)))]
+    query_form: IndexCache,
     /// One JSON object for each image.
     #[arg(long)]
     json: bool,
@@ -496,7 +497,7 @@ impl<'a> Report<'a> {
         let (decision, place) = match answer.decision {
             Decision::At(id) => ("at", Some(key(id))),
             Decision::Ambiguous => ("ambiguous", None),
-            Decision::Unknown => ("unknown", None),
+            _ => ("unknown", None),
         };
         Self {
             image: &picture.name,
@@ -507,7 +508,7 @@ impl<'a> Report<'a> {
             best: first.map(share),
             second: answer.ranking.get(1).map(share),
             tied: answer.tied,
-            elsewhere: answer.elsewhere,
+            elsewhere: answer.off_map,
             reason: answer.reason.to_string(),
             displacement_px: vote.map(|vote| [vote.median.dx_px, vote.median.dy_px]),
             displacement_spread_px: vote.map(|vote| [vote.spread.dx_px, vote.spread.dy_px]),

@@ -119,11 +119,7 @@ fn main() -> Result<()> {
         let live = extractor.extract(picture, None)?;
         let extract = Stage::since("extract", before);
         let localize = Instant::now();
-        let query = Query {
-            features: &live,
-            time: Some(time),
-            image_size: None,
-        };
+        let query = Query::new(&live).at(time);
         localizer.localize_into(&mut scratch, &query, &mut answer)?;
         let stages = [extract, Stage::since("localize", localize)];
         cost.localizing += before.elapsed();

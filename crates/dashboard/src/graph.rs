@@ -7,7 +7,7 @@
 
 use std::f64::consts::TAU;
 
-use chronotope::trace::MapSheet;
+use chronotope::trace::MapSummary;
 
 /// Width of the drawing.
 const SIZE: f64 = 400.0;
@@ -23,7 +23,7 @@ const MAX_ROWS: i16 = 4;
 const MAX_NAMED: usize = 100;
 
 /// One position for each place of the map; `names` are those of the places, in order.
-pub(crate) fn positions(map: &MapSheet, names: &[&str]) -> Vec<[f32; 2]> {
+pub(crate) fn positions(map: &MapSummary, names: &[&str]) -> Vec<[f32; 2]> {
     let at = by_pose(map);
     if at.len() > MAX_NAMED {
         return at;
@@ -57,7 +57,7 @@ fn apart(at: &[[f32; 2]], widths: &[f32]) -> Vec<[f32; 2]> {
     placed
 }
 
-fn by_pose(map: &MapSheet) -> Vec<[f32; 2]> {
+fn by_pose(map: &MapSummary) -> Vec<[f32; 2]> {
     let poses: Vec<[f64; 2]> = (map.places.iter())
         .filter_map(|place| place.pose)
         .map(|pose| [pose[0], -pose[1]])
@@ -103,19 +103,19 @@ fn on_a_circle(num: usize) -> Vec<[f32; 2]> {
 
 #[cfg(test)]
 mod tests {
-    use chronotope::trace::PlaceSheet;
+    use chronotope::trace::PlaceSummary;
 
     use super::*;
 
-    fn map(poses: &[Option<[f64; 3]>]) -> MapSheet {
-        MapSheet {
+    fn map(poses: &[Option<[f64; 3]>]) -> MapSummary {
+        MapSummary {
             places: (poses.iter())
-                .map(|&pose| PlaceSheet {
+                .map(|&pose| PlaceSummary {
                     pose,
-                    ..PlaceSheet::default()
+                    ..PlaceSummary::default()
                 })
                 .collect(),
-            ..MapSheet::default()
+            ..MapSummary::default()
         }
     }
 

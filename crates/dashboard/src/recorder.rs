@@ -22,7 +22,7 @@ use anyhow::{Context, Result, bail};
 use chronotope::Time;
 use chronotope::localize::{Candidate, Decision};
 use chronotope::map::PlaceKey;
-use chronotope::trace::{CurveSheet, MapSheet, Trace, TracePoint};
+use chronotope::trace::{CurveSummary, MapSummary, Trace, TracePoint};
 use rerun::external::re_sdk_types::datatypes::Range2D;
 use rerun::sink::{FileSink, FileSinkOptions};
 use rerun::{
@@ -109,7 +109,7 @@ pub struct Recorder {
     decided: Option<Decision>,
     has_pictures: bool,
     is_arranged: bool,
-    map: MapSheet,
+    map: MapSummary,
     /// Where places are drawn in the graph, by node.
     positions: Vec<[f32; 2]>,
     /// Series whose names and colours were logged, with these names.
@@ -163,7 +163,7 @@ impl Recorder {
             decided: None,
             has_pictures: false,
             is_arranged: false,
-            map: MapSheet::default(),
+            map: MapSummary::default(),
             positions: Vec::new(),
             named: BTreeMap::new(),
             similarity: VecDeque::new(),
@@ -254,7 +254,7 @@ impl Recorder {
         layout::send(&self.stream, &contents)
     }
 
-    fn map_changed(&mut self, trace: &Trace<'_>, map: &MapSheet) -> Result<()> {
+    fn map_changed(&mut self, trace: &Trace<'_>, map: &MapSummary) -> Result<()> {
         let text = changes(trace, &self.map, map, self.is_arranged);
         (self.stream).log(entities::MAP_CHANGES, &TextDocument::from_markdown(text))?;
         self.positions = graph::positions(map, &names(trace));
@@ -272,7 +272,7 @@ impl Recorder {
     }
 
     /// The history of a feature and its p(t) over the years that it spans.
-    fn curve(&self, trace: &Trace<'_>, index: usize, curve: &CurveSheet) -> Result<()> {
+    fn curve(&self, trace: &Trace<'_>, index: usize, curve: &CurveSummary) -> Result<()> {
         let Some(frame) = frame(curve) else {
             return Ok(());
         };
@@ -367,7 +367,7 @@ impl Recorder {
         Ok(())
     }
 
-    fn spectrum(&self, curve: &CurveSheet) -> Result<()> {
+    fn spectrum(&self, curve: &CurveSummary) -> Result<()> {
         let sheet = &curve.spectrum;
         // Side by side: each takes nearly half of the step between two frequencies.
         let step = match sheet.frequencies.as_slice() {
@@ -399,12 +399,12 @@ impl Recorder {
         if trace.places.len() <= MAX_FOLLOWED {
             let mut names = names(trace);
             names.push("elsewhere");
-            let shares = posterior.iter().chain([&answer.elsewhere]);
+            let shares = posterior.iter().chain([&answer.off_map]);
             let percent: Vec<f64> = shares.map(|share| 100.0 * share).collect();
             return self.lines(entities::OVER_TIME, &names, &percent);
         }
         let best = answer.first().map_or(0.0, |best| 100.0 * best.posterior);
-        let values = [best, 100.0 * answer.elsewhere];
+        let values = [best, 100.0 * answer.off_map];
         self.lines(
             entities::OVER_TIME,
             &["the best place", "elsewhere"],
@@ -414,7 +414,7 @@ impl Recorder {
 
     /// The posterior as bars: with names of the best places, by number of all.
     fn bars(&self, trace: &Trace<'_>, posterior: &[f64]) -> Result<()> {
-        let elsewhere = trace.localization.elsewhere;
+        let elsewhere = trace.localization.off_map;
         let percent: Vec<f64> = (posterior.iter().chain([&elsewhere]))
             .map(|share| 100.0 * share)
             .collect();
@@ -479,7 +479,7 @@ impl Recorder {
     fn graph(&self, trace: &Trace<'_>, posterior: &[f64]) -> Result<()> {
         let here = match trace.localization.decision {
             Decision::At(node) => Some(node.0 as usize),
-            Decision::Ambiguous | Decision::Unknown => None,
+            _ => None,
         };
         let ids = names(trace);
         let labels =
@@ -643,7 +643,7 @@ fn posterior(trace: &Trace<'_>) -> Vec<f64> {
 }
 
 /// Where the history of a feature and its p(t) are drawn.
-fn frame(curve: &CurveSheet) -> Option<drawing::Curve> {
+fn frame(curve: &CurveSummary) -> Option<drawing::Curve> {
     drawing::Curve::around(curve.times_us.iter().chain(&curve.visit_times_us).copied())
 }
 
@@ -794,7 +794,7 @@ fn decision(trace: &Trace<'_>) -> String {
     let title = match answer.decision {
         Decision::At(node) => format!("At {}", place(trace, node.0 as usize)),
         Decision::Ambiguous => "In the map, but several places fit".into(),
-        Decision::Unknown => "Unknown: no place fits well enough".into(),
+        _ => "Unknown: no place fits well enough".into(),
     };
     let verdict = match (&trace.truth, answer.decision) {
         (None, _) => String::new(),
@@ -824,7 +824,7 @@ fn decision(trace: &Trace<'_>) -> String {
     let _ = writeln!(
         text,
         "| *elsewhere* | {:.1} % | | |\n\n{}, method {}, score {}",
-        100.0 * answer.elsewhere,
+        100.0 * answer.off_map,
         trace.image,
         trace.method,
         trace.score
@@ -833,10 +833,10 @@ fn decision(trace: &Trace<'_>) -> String {
 }
 
 /// What the map holds, what its latest session brought, and what is new since `before`.
-fn changes(trace: &Trace<'_>, before: &MapSheet, map: &MapSheet, has_before: bool) -> String {
+fn changes(trace: &Trace<'_>, before: &MapSummary, map: &MapSummary, has_before: bool) -> String {
     use std::fmt::Write as _;
 
-    let total = |map: &MapSheet| {
+    let total = |map: &MapSummary| {
         let visits: usize = map.places.iter().map(|place| place.num_visits).sum();
         let features: usize = map.places.iter().map(|place| place.num_features).sum();
         (visits, features)
@@ -972,11 +972,7 @@ mod tests {
                 let picture = entry.source.load().unwrap();
                 let live = extractor.extract(&picture, None).unwrap();
                 let time = with_time.then_some(entry.time);
-                let query = Query {
-                    features: &live,
-                    time,
-                    image_size: None,
-                };
+                let query = Query::new(&live).at(time);
                 let answer = localizer
                     .localize(&mut localizer.scratch(), &query)
                     .unwrap();

@@ -65,11 +65,7 @@ impl Street {
         let mut tracer = Tracer::new(TraceConfig::default());
         for (picture, time) in &self.asked {
             let live = self.extractor.extract(picture, None).unwrap();
-            let query = Query {
-                features: &live,
-                time: Some(*time),
-                image_size: None,
-            };
+            let query = Query::new(&live).at(*time);
             let answer = localizer
                 .localize(&mut localizer.scratch(), &query)
                 .unwrap();

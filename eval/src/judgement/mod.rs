@@ -274,7 +274,7 @@ fn judge(
     if native.is_empty() {
         return None;
     }
-    let mixed = (!foreign.is_empty()).then(|| mix(&native, &foreign, cfg.elsewhere()));
+    let mixed = (!foreign.is_empty()).then(|| mix(&native, &foreign, cfg.off_map()));
     let Variant {
         preset,
         method,
@@ -286,7 +286,7 @@ fn judge(
     Some(Judgement {
         is_default,
         against: if decides {
-            against(queries, key, cfg.elsewhere())
+            against(queries, key, cfg.off_map())
         } else {
             Vec::new()
         },
@@ -313,9 +313,9 @@ fn judge(
         }),
         mixed: mixed.map(|mixed| {
             let claims = claims(&mixed);
-            let native = claims.len() as f64 * (1.0 - cfg.elsewhere());
+            let native = claims.len() as f64 * (1.0 - cfg.off_map());
             Mixed {
-                elsewhere: cfg.elsewhere(),
+                elsewhere: cfg.off_map(),
                 calibration: calibration(&mixed),
                 retrieval: retrieval(&claims, native),
             }

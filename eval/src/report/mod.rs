@@ -19,7 +19,7 @@ use std::path::Path;
 
 use chronotope::Result;
 use chronotope::feature::GrayImage;
-use chronotope::trace::SpectrumSheet;
+use chronotope::trace::SpectrumSummary;
 
 use crate::results::{SuiteResults, write_atomically};
 use html::{Esc, put};
@@ -96,7 +96,7 @@ pub struct ProbabilityCurve {
     /// When the query was taken.
     pub query_time: Option<f64>,
     /// The rhythms of the observations; without frequencies it is not drawn.
-    pub spectrum: SpectrumSheet,
+    pub spectrum: SpectrumSummary,
 }
 
 /// What was seen of one place, feature by feature and visit by visit, over what is predicted.

@@ -4,7 +4,7 @@ use super::Raster;
 use super::html::{Esc, put};
 use super::pictures::time_ticks;
 use super::plot::path;
-use chronotope::trace::SpectrumSheet;
+use chronotope::trace::SpectrumSummary;
 
 const WIDTH: f64 = 960.0;
 const LEFT: f64 = 16.0;
@@ -118,7 +118,7 @@ const SPECTRUM_TOP: f64 = 14.0;
 const SPECTRUM_BOTTOM: f64 = 92.0;
 
 /// The amplitudes of a feature's rhythms over the sampling window.
-pub(super) fn spectrum(html: &mut String, title: &str, sheet: &SpectrumSheet) {
+pub(super) fn spectrum(html: &mut String, title: &str, sheet: &SpectrumSummary) {
     let (Some(&first), Some(&last)) = (sheet.frequencies.first(), sheet.frequencies.last()) else {
         return;
     };
@@ -247,7 +247,7 @@ mod tests {
 
     #[test]
     fn a_spectrum_names_its_strongest_rhythm() {
-        let sheet = SpectrumSheet {
+        let sheet = SpectrumSummary {
             per: "day".into(),
             frequencies: vec![0.5, 1.0, 1.5],
             amplitudes: vec![0.1, 0.6, 0.2],
@@ -257,7 +257,7 @@ mod tests {
         spectrum(&mut html, "feature", &sheet);
         assert!(html.contains("strongest at 1.00 cycles per day, amplitude 0.60"));
         let mut none = String::new();
-        spectrum(&mut none, "feature", &SpectrumSheet::default());
+        spectrum(&mut none, "feature", &SpectrumSummary::default());
         assert!(none.is_empty());
     }
 }

@@ -17,7 +17,7 @@ use anyhow::{Result, ensure};
 use chronotope::Time;
 use chronotope::feature::{Extractor, ExtractorConfig, Features, StarBrief};
 use chronotope::localize::{
-    Candidates, Localization, Localizer, LocalizerConfig, Preset, Query, Score,
+    Localization, Localizer, LocalizerConfig, PlaceSearch, Preset, Query, Score,
 };
 use chronotope::map::{
     AppearanceUse, MapMeta, Node, NodeId, PlaceKey, SessionId, Snapshot, Visit, VisitId,
@@ -67,7 +67,7 @@ pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measu
     let start = Instant::now();
     let cfg = LocalizerConfig::preset(Preset::Default)
         .with_selection(Selection::top(NUM_PREDICTED)?)
-        .with_candidates(Candidates::Exact);
+        .with_place_search(PlaceSearch::Exact);
     let localizer = Localizer::new(Arc::clone(&snapshot), cfg.clone())?;
     let fit_ms = start.elapsed().as_secs_f64() * 1e3;
     let predict_ms = predict(&localizer, time)?;
@@ -116,12 +116,12 @@ pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measu
     }
     let mut localizer = localizer;
     for (kind, name) in [
-        (Candidates::Inverted, LISTED),
-        (Candidates::Words, "whole, signatures"),
+        (PlaceSearch::Inverted, LISTED),
+        (PlaceSearch::Words, "whole, signatures"),
     ] {
         let start = Instant::now();
-        localizer = localizer.with_candidates(kind);
-        localizer.anticipate(time);
+        localizer = localizer.with_place_search(kind)?;
+        localizer.prefetch(time);
         let build_ms = start.elapsed().as_secs_f64() * 1e3;
         let listed = Asked::of(&localizer, material, time)?;
         let same = (listed.first.iter().zip(&exact.first)).filter(|(ours, exact)| ours == exact);
@@ -133,14 +133,14 @@ pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measu
             listed.first.len(),
             build_ms / 1e3
         )));
-        if kind == Candidates::Inverted {
+        if kind == PlaceSearch::Inverted {
             let ms = batch(&localizer, material, time, &listed)?;
             rows.push(row("inverted file, batch on two threads", &ms));
         }
     }
     drop(localizer);
     if num_nodes >= MIN_OPENED {
-        let cfg = cfg.with_candidates(Candidates::Auto);
+        let cfg = cfg.with_place_search(PlaceSearch::Auto);
         rows.extend(opening::measure(material, &snapshot, &cfg, time)?);
     }
     Ok(rows)
@@ -156,11 +156,7 @@ fn batch(
 ) -> Result<Vec<f64>> {
     let queries: Vec<Query<'_>> = (material.queries.iter())
         .take(singly.first.len())
-        .map(|features| Query {
-            features,
-            time: Some(time),
-            image_size: None,
-        })
+        .map(|features| Query::new(features).at(time))
         .collect();
     let pool = |num_threads| {
         rayon::ThreadPoolBuilder::new()
@@ -211,11 +207,7 @@ impl Asked {
             if asked.whole.len() > MIN_ANSWERS && start.elapsed().as_secs_f64() > ENOUGH_S {
                 break;
             }
-            let query = Query {
-                features,
-                time: Some(time),
-                image_size: None,
-            };
+            let query = Query::new(features).at(time);
             let start = Instant::now();
             localizer.localize_into(&mut scratch, &query, &mut out)?;
             asked.whole.push(start.elapsed().as_secs_f64() * 1e3);
@@ -233,7 +225,7 @@ fn predict(localizer: &Localizer, time: Time) -> Result<Vec<f64>> {
     let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     let ms = (1..=4).map(|hour| {
         let start = Instant::now();
-        alone.install(|| localizer.anticipate(time.plus_us(hour * HOUR_US)));
+        alone.install(|| localizer.prefetch(time.plus_us(hour * HOUR_US)));
         start.elapsed().as_secs_f64() * 1e3
     });
     Ok(ms.collect())
@@ -262,11 +254,8 @@ fn match_alone(
 ) -> Result<(Vec<f64>, usize)> {
     let matcher = Matcher::new(localizer.cfg().matching().clone());
     let (mut map, mut ends) = (Features::new(), Vec::new());
-    let query = Query {
-        features: &Features::new(),
-        time: Some(time),
-        image_size: None,
-    };
+    let nothing = Features::new();
+    let query = Query::new(&nothing).at(time);
     let mut found = localizer.localize(&mut localizer.scratch(), &query)?;
     found.ranking.sort_by_key(|candidate| candidate.node);
     for candidate in &found.ranking {

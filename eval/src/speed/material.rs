@@ -138,7 +138,11 @@ impl Material {
 
     /// Takes in how many bits differ between mutual nearest features that agree on one displacement.
     fn count_flips(&mut self, before: &Features, after: &Features) {
-        let Ok(cfg) = MatchConfig::builder().max_bits(256).mutual(true).build() else {
+        let Ok(cfg) = MatchConfig::builder()
+            .with_max_bits(256)
+            .with_mutual(true)
+            .build()
+        else {
             return;
         };
         let (mut matches, mut displacements) = (Vec::new(), Vec::new());

@@ -65,11 +65,7 @@ pub(super) fn measure(
     ensure!(query_bytes > 0, "no query form was kept");
     let mut first = Vec::new();
     if let (Some(opened), Some(features)) = (&opened, material.queries.first()) {
-        let query = Query {
-            features,
-            time: Some(time),
-            image_size: None,
-        };
+        let query = Query::new(features).at(time);
         let (answer, ms) = timed(|| Ok(opened.localize(&mut opened.scratch(), &query)?))?;
         first.push(ms);
         ensure!(
@@ -101,17 +97,16 @@ fn going_on(older: &Localizer, material: &Material, time: Time) -> Result<Vec<f6
     let (shorter, _) = node.retained(&visits, &vec![true; node.features.len()])?;
     newer.nodes[place] = Arc::new(shorter);
     let newer = Arc::new(newer);
-    let query = material.queries.first().map(|features| Query {
-        features,
-        time: Some(time),
-        image_size: None,
-    });
+    let query = material
+        .queries
+        .first()
+        .map(|features| Query::new(features).at(time));
     // Nothing is predicted yet, so all of it will be made anew.
-    let anew = older.on_newer(Arc::clone(&newer))?;
-    older.anticipate(time);
+    let anew = older.with_snapshot(Arc::clone(&newer))?;
+    older.prefetch(time);
     let mut took = Vec::new();
     for _ in 0..NUM_TIMES {
-        let (localizer, ms) = timed(|| Ok(older.on_newer(Arc::clone(&newer))?))?;
+        let (localizer, ms) = timed(|| Ok(older.with_snapshot(Arc::clone(&newer))?))?;
         took.push(ms);
         if let Some(query) = &query {
             ensure!(

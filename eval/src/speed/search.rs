@@ -41,11 +41,11 @@ pub(super) fn measure(
     };
 
     let mut exact = vec![NearestTwo::EMPTY; NUM_QUERIES];
-    Kernel::best().nearest_two_packed(&queries, &packed, &mut exact);
+    Kernel::best().nearest_two(&queries, &packed, &mut exact);
     let mut found = exact.clone();
     for kernel in Kernel::available() {
         let ms = time(5, || {
-            kernel.nearest_two_packed(&queries, &packed, &mut found);
+            kernel.nearest_two(&queries, &packed, &mut found);
         });
         ensure!(found == exact, "kernel {kernel} finds other neighbours");
         report.measurements.push(row(kernel.name(), &ms));

@@ -8,7 +8,7 @@
 use std::f64::consts::TAU;
 
 use chronotope::feature::GrayImage;
-use chronotope::trace::SpectrumSheet;
+use chronotope::trace::SpectrumSummary;
 use chronotope_eval::report::{
     FeatureClass, FeaturePicture, GalleryImage, Mistake, Observation, PicturedFeature, Pictures,
     ProbabilityCurve, Raster, RasterRow, TimeAxis,
@@ -79,7 +79,7 @@ fn rhythm(title: &str, visits: u32, span_s: f64, period_s: f64, peak: f64) -> Pr
             .map(|t| (t, p(t)))
             .collect(),
         query_time: Some(START_S + 0.71 * span_s),
-        spectrum: SpectrumSheet {
+        spectrum: SpectrumSummary {
             per: "year".into(),
             frequencies: (1..=24).map(|i| f64::from(i) / 2.0).collect(),
             amplitudes: (1..=24)
@@ -151,7 +151,7 @@ pub(crate) fn sample_pictures() -> Pictures {
         .map(|i| (1.0 + f64::from(i) / 10.0, 0.92))
         .collect();
     indexed.query_time = None;
-    indexed.spectrum = SpectrumSheet::default();
+    indexed.spectrum = SpectrumSummary::default();
     Pictures {
         features: vec![FeaturePicture {
             image: scene(1, 0.8),

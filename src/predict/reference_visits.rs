@@ -1,7 +1,7 @@
 //! Which past visits can vouch for a feature?
 //!
 //! Features of a place do not appear independently: those of its snowy visits come together, those of
-//! its nights do. [`Witnesses`] keeps, for at most 64 visits of a place, which features each saw, as one
+//! its nights do. [`ReferenceVisits`] keeps, for at most 64 visits of a place, which features each saw, as one
 //! word a feature; that is what a covering choice and a mixture over past appearances need to know of
 //! the log.
 //!
@@ -14,16 +14,16 @@ use fremen::error::Result;
 use fremen::visibility::{HistoryLog, Visits};
 
 /// No visit counts less than this share of the likeliest, so that none is ruled out.
-const LEAST_LIKENESS: f64 = 1e-3;
+const MIN_SIMILARITY: f64 = 1e-3;
 
 /// What some visits of one place saw.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Witnesses {
+pub struct ReferenceVisits {
     seen: Vec<u64>,
     num_visits: usize,
 }
 
-impl Witnesses {
+impl ReferenceVisits {
     /// No place has more.
     pub const MAX_VISITS: usize = 64;
 
@@ -52,7 +52,7 @@ impl Witnesses {
     ///
     /// # Panics
     /// If there is not one score for each feature.
-    pub fn likeness_into(&self, scores: &[f64], out: &mut Vec<f64>) {
+    pub fn similarity_into(&self, scores: &[f64], out: &mut Vec<f64>) {
         assert_eq!(scores.len(), self.seen.len());
         let mut sums = [0.0; Self::MAX_VISITS];
         let mut counts = [0.0; Self::MAX_VISITS];
@@ -67,9 +67,9 @@ impl Witnesses {
         out.clear();
         let means = sums.iter().zip(&counts).take(self.num_visits);
         out.extend(means.map(|(sum, count)| sum / f64::max(*count, 1.0)));
-        let most = out.iter().copied().fold(LEAST_LIKENESS, f64::max);
-        for likeness in out.iter_mut() {
-            *likeness = (*likeness / most).powi(2).max(LEAST_LIKENESS);
+        let most = out.iter().copied().fold(MIN_SIMILARITY, f64::max);
+        for similarity in out.iter_mut() {
+            *similarity = (*similarity / most).powi(2).max(MIN_SIMILARITY);
         }
     }
 
@@ -104,36 +104,36 @@ mod tests {
 
     #[test]
     fn few_visits_all_testify() {
-        let witnesses = Witnesses::of(&log(3), Visits::All).expect("fits");
-        assert_eq!(witnesses.num_visits(), 3);
-        assert_eq!(witnesses.seen(), [0b001, 0b010, 0b100]);
+        let references = ReferenceVisits::of(&log(3), Visits::All).expect("fits");
+        assert_eq!(references.num_visits(), 3);
+        assert_eq!(references.seen(), [0b001, 0b010, 0b100]);
     }
 
     #[test]
     fn of_many_visits_64_testify_evenly_spread() {
-        let witnesses = Witnesses::of(&log(640), Visits::All).expect("fits");
-        assert_eq!(witnesses.num_visits(), 64);
-        let chosen: Vec<usize> = (0..640).filter(|&f| witnesses.seen()[f] != 0).collect();
+        let references = ReferenceVisits::of(&log(640), Visits::All).expect("fits");
+        assert_eq!(references.num_visits(), 64);
+        let chosen: Vec<usize> = (0..640).filter(|&f| references.seen()[f] != 0).collect();
         assert_eq!(chosen.len(), 64);
         assert!(chosen.windows(2).all(|pair| pair[1] - pair[0] == 10));
     }
 
     #[test]
     fn visits_whose_features_are_likely_now_are_like_now() {
-        let witnesses = Witnesses::of(&log(3), Visits::All).expect("fits");
-        let mut likeness = Vec::new();
+        let references = ReferenceVisits::of(&log(3), Visits::All).expect("fits");
+        let mut similarity = Vec::new();
         // Each visit saw one feature.
-        witnesses.likeness_into(&[0.4, 0.8, -0.2], &mut likeness);
-        assert_eq!(likeness, [0.25, 1.0, LEAST_LIKENESS]);
-        witnesses.likeness_into(&[0.0, 0.0, 0.0], &mut likeness);
-        assert_eq!(likeness, [LEAST_LIKENESS; 3]);
+        references.similarity_into(&[0.4, 0.8, -0.2], &mut similarity);
+        assert_eq!(similarity, [0.25, 1.0, MIN_SIMILARITY]);
+        references.similarity_into(&[0.0, 0.0, 0.0], &mut similarity);
+        assert_eq!(similarity, [MIN_SIMILARITY; 3]);
     }
 
     #[test]
     fn visits_left_out_do_not_testify() {
         let mut mask = BitRow::zeros(3);
         mask.set(2);
-        let witnesses = Witnesses::of(&log(3), Visits::Only(&mask)).expect("fits");
-        assert_eq!(witnesses.seen(), [0, 0, 1]);
+        let references = ReferenceVisits::of(&log(3), Visits::Only(&mask)).expect("fits");
+        assert_eq!(references.seen(), [0, 0, 1]);
     }
 }

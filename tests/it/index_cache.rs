@@ -1,4 +1,4 @@
-//! Maps opened by way of the query form beside them: the same answers, whatever became of that file.
+//! Maps opened by way of the index cache beside them: the same answers, whatever became of that file.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -6,7 +6,7 @@ use std::sync::Arc;
 use chronotope::Time;
 use chronotope::feature::{Descriptor, Features, Keypoint};
 use chronotope::localize::{
-    Candidates, Localization, Localizer, LocalizerConfig, Method, Query, QueryForm,
+    IndexCache, Localization, Localizer, LocalizerConfig, Method, PlaceSearch, Query,
 };
 use chronotope::map::{
     AppearanceUse, Map, MapMeta, Node, NodeId, PlaceKey, SessionId, Snapshot, Stamp, Visit, VisitId,
@@ -118,8 +118,8 @@ pub(crate) fn cfg() -> LocalizerConfig {
     LocalizerConfig::default().with_selection(Selection::top(12).expect("some"))
 }
 
-/// Every query form in the folder of `map`.
-fn query_forms(map: &Path) -> Vec<PathBuf> {
+/// Every index cache in the folder of `map`.
+fn index_caches(map: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(map.parent().expect("a folder")).expect("listed");
     let mut found: Vec<PathBuf> = entries
         .map(|entry| entry.expect("an entry").path())
@@ -139,11 +139,7 @@ pub(crate) fn answers(localizer: &Localizer) -> Vec<Localization> {
         for season in [0, 6] {
             let mut live = random.features(20);
             live.append(&node.features, &[1, 4, 9, 16, 25, 2, 8, 18]);
-            let query = Query {
-                features: &live,
-                time: Some(Time::from_s(1_740_000_000 + season * 30 * DAY_S)),
-                image_size: None,
-            };
+            let query = Query::new(&live).at(Time::from_s(1_740_000_000 + season * 30 * DAY_S));
             answers.push(localizer.localize(&mut scratch, &query).expect("fits"));
         }
     }
@@ -151,24 +147,24 @@ pub(crate) fn answers(localizer: &Localizer) -> Vec<Localization> {
 }
 
 #[test]
-fn a_map_opened_by_its_query_form_gives_the_same_answers() {
+fn a_map_opened_by_its_index_cache_gives_the_same_answers() {
     let large = [Method::Fused, Method::Fremen];
     for (num_places, candidates, methods) in [
-        (300, Candidates::Inverted, &large[..]),
-        (20, Candidates::Exact, &Method::ALL[..]),
+        (300, PlaceSearch::Inverted, &large[..]),
+        (20, PlaceSearch::Exact, &Method::ALL[..]),
     ] {
         let (_folder, path, map) = stored(num_places);
         for &method in methods {
-            let cfg = cfg().with_candidates(candidates).with_method(method);
+            let cfg = cfg().with_place_search(candidates).with_method(method);
             let whole = Localizer::new(map.snapshot(), cfg.clone()).expect("fits");
             let expected = answers(&whole);
-            let num_before = query_forms(&path).len();
+            let num_before = index_caches(&path).len();
             let cold = Localizer::open(&path, cfg.clone()).expect("opens");
             assert_eq!(answers(&cold), expected);
-            assert_eq!(query_forms(&path).len(), num_before + 1);
+            assert_eq!(index_caches(&path).len(), num_before + 1);
             let warm = Localizer::open(&path, cfg).expect("opens");
             assert_eq!(answers(&warm), expected, "{candidates:?} {method}");
-            // It was read from the query form: that has no appearances, unless they are matched, and
+            // It was read from the index cache: that has no appearances, unless they are matched, and
             // everything else.
             let mut kept = Snapshot::clone(&map.snapshot());
             for node in &mut kept.nodes {
@@ -192,12 +188,12 @@ fn the_models_of_the_test_have_rhythms() {
 }
 
 #[test]
-fn a_damaged_query_form_is_made_anew() {
+fn a_damaged_index_cache_is_made_anew() {
     damage_and_open(Method::Fremen);
 }
 
 #[test]
-fn a_damaged_query_form_with_appearances_is_made_anew() {
+fn a_damaged_index_cache_with_appearances_is_made_anew() {
     damage_and_open(Method::Freex);
 }
 
@@ -206,8 +202,8 @@ fn damage_and_open(method: Method) {
     let cfg = cfg().with_method(method).with_calibrated(false);
     let expected = answers(&Localizer::new(map.snapshot(), cfg.clone()).expect("fits"));
     Localizer::open(&path, cfg.clone()).expect("opens");
-    let [file] = &query_forms(&path)[..] else {
-        panic!("one query form");
+    let [file] = &index_caches(&path)[..] else {
+        panic!("one index cache");
     };
     let whole = std::fs::read(file).expect("read");
     let check = |damaged: &[u8], what: &str| {
@@ -234,12 +230,12 @@ fn damage_and_open(method: Method) {
 }
 
 #[test]
-fn a_query_form_of_another_generation_or_configuration_is_not_used() {
+fn an_index_cache_of_another_generation_or_configuration_is_not_used() {
     let (folder, path, map) = stored(4);
     let neighbour = folder.path().join("town.chronotope.notes.query");
     std::fs::write(&neighbour, "mine").expect("written");
     Localizer::open(&path, cfg()).expect("opens");
-    let old = query_forms(&path);
+    let old = index_caches(&path);
     let mut newer = Snapshot::clone(&map.snapshot());
     let node = Arc::make_mut(&mut newer.nodes[2]);
     let time = Time::from_s(1_735_000_000);
@@ -269,7 +265,7 @@ fn a_query_form_of_another_generation_or_configuration_is_not_used() {
         assert_eq!(localizer.snapshot().nodes[2].visits.len(), NUM_VISITS + 1);
         assert_eq!(answers(&localizer), expected);
     }
-    let new = query_forms(&path);
+    let new = index_caches(&path);
     assert_eq!(new.len(), old.len(), "the old one is gone: {new:?}");
     assert!(new.contains(&neighbour), "nobody else's file is touched");
 
@@ -278,60 +274,60 @@ fn a_query_form_of_another_generation_or_configuration_is_not_used() {
     let whole = Localizer::new(map.snapshot(), other).expect("fits");
     assert_eq!(found, answers(&whole));
     assert_ne!(found, expected);
-    assert_eq!(query_forms(&path).len(), new.len() + 1);
+    assert_eq!(index_caches(&path).len(), new.len() + 1);
 }
 
 #[test]
-fn where_no_query_form_can_be_written_the_map_opens_all_the_same() {
+fn where_no_index_cache_can_be_written_the_map_opens_all_the_same() {
     let (_folder, path, map) = stored(3);
     let expected = answers(&Localizer::new(map.snapshot(), cfg()).expect("fits"));
     Localizer::open(&path, cfg()).expect("opens");
-    let files = query_forms(&path);
+    let files = index_caches(&path);
     // A folder in its place can be neither read nor replaced; permissions would not stop the superuser.
     std::fs::remove_file(&files[0]).expect("removed");
     std::fs::create_dir(&files[0]).expect("made");
     let localizer = Localizer::open(&path, cfg()).expect("opens");
     assert_eq!(answers(&localizer), expected);
-    assert_eq!(query_forms(&path), files, "no part is left behind");
+    assert_eq!(index_caches(&path), files, "no part is left behind");
     assert!(files[0].is_dir());
 }
 
 #[test]
-fn a_model_without_a_query_form_opens_as_always() {
+fn a_model_without_an_index_cache_opens_as_always() {
     let (_folder, path, map) = stored(3);
     let markov = VisibilityConfig::from_toml("model = { kind = \"markov\" }").expect("a model");
     let cfg = cfg().with_visibility(markov);
     let expected = answers(&Localizer::new(map.snapshot(), cfg.clone()).expect("fits"));
     let localizer = Localizer::open(&path, cfg.clone()).expect("opens");
     assert_eq!(answers(&localizer), expected);
-    assert!(query_forms(&path).is_empty());
+    assert!(index_caches(&path).is_empty());
     let missing = Localizer::open(path.with_extension("none"), cfg).expect_err("no map");
     assert!(missing.to_string().contains("town.none"), "{missing}");
 }
 
 #[test]
-fn a_query_form_is_kept_as_asked_for() {
+fn an_index_cache_is_kept_as_wished() {
     let (_folder, path, map) = stored(3);
     let expected = answers(&Localizer::new(map.snapshot(), cfg()).expect("fits"));
     let open = |form| {
-        let localizer = Localizer::open_by(&path, cfg(), form).expect("opens");
+        let localizer = Localizer::open_with(&path, cfg(), form).expect("opens");
         assert_eq!(answers(&localizer), expected, "{form}");
         let visits = &localizer.snapshot().nodes[0].visits;
-        // What was read from a query form has no appearances.
+        // What was read from an index cache has no appearances.
         visits[0].appearance.is_none()
     };
     // This map opens long before it would be worth it.
-    for form in [QueryForm::Never, QueryForm::Auto] {
+    for form in [IndexCache::Never, IndexCache::Auto] {
         assert!(!open(form), "{form}");
-        assert!(query_forms(&path).is_empty(), "{form}");
+        assert!(index_caches(&path).is_empty(), "{form}");
     }
-    assert!(!open(QueryForm::Always));
-    let kept = query_forms(&path);
+    assert!(!open(IndexCache::Always));
+    let kept = index_caches(&path);
     assert_eq!(kept.len(), 1);
-    assert!(open(QueryForm::Auto) && open(QueryForm::Always));
-    assert!(!open(QueryForm::Never), "not even read");
-    assert_eq!(query_forms(&path), kept);
-    for form in QueryForm::ALL {
-        assert_eq!(form.name().parse::<QueryForm>().expect("a name"), form);
+    assert!(open(IndexCache::Auto) && open(IndexCache::Always));
+    assert!(!open(IndexCache::Never), "not even read");
+    assert_eq!(index_caches(&path), kept);
+    for form in IndexCache::ALL {
+        assert_eq!(form.name().parse::<IndexCache>().expect("a name"), form);
     }
 }

@@ -1,0 +1,97 @@
+//! How are candidates found in this map?
+
+use std::sync::Arc;
+
+use super::shortlist::LENGTH;
+#[cfg(feature = "hnsw")]
+use super::signatures::Signatures;
+use super::words::learn_words;
+use crate::localize::config::{LocalizerConfig, PlaceSearch};
+use crate::map::Snapshot;
+use crate::matching::BinaryWords;
+use crate::predict::Selection;
+
+/// Predicted features from which on places vote: there it was measured to be twice as fast as matching them
+/// all. It is faster from about half of them on; below, nothing that an exact answer finds shall be missed for
+/// the two milliseconds that are left to win.
+const MIN_PREDICTED: usize = 50_000;
+
+/// What a localizer finds candidates with; made once a map.
+#[derive(Clone, Debug)]
+pub(in crate::localize) enum Finder {
+    /// Every place is one.
+    Exact,
+    /// The words of the lists that are made of each forecast.
+    Inverted(Arc<BinaryWords>),
+    #[cfg(feature = "hnsw")]
+    Words(Arc<Signatures>),
+}
+
+impl Finder {
+    pub(in crate::localize) fn new(snapshot: &Snapshot, cfg: &LocalizerConfig) -> Self {
+        match Self::kind(snapshot, cfg) {
+            PlaceSearch::Auto | PlaceSearch::Exact => Self::Exact,
+            // The configuration was refused before.
+            #[cfg(not(feature = "hnsw"))]
+            PlaceSearch::Words => Self::Exact,
+            PlaceSearch::Inverted => {
+                let words = learn_words(snapshot, Self::num_words(snapshot, cfg));
+                Self::Inverted(Arc::new(words))
+            }
+            #[cfg(feature = "hnsw")]
+            PlaceSearch::Words => Self::Words(Arc::new(Signatures::of(snapshot))),
+        }
+    }
+
+    /// For a newer snapshot of the same map: words are kept until it needs more than twice as many.
+    pub(in crate::localize) fn with_snapshot(
+        &self,
+        snapshot: &Snapshot,
+        cfg: &LocalizerConfig,
+    ) -> Self {
+        match self {
+            Self::Inverted(words)
+                if Self::kind(snapshot, cfg) == PlaceSearch::Inverted
+                    && Self::num_words(snapshot, cfg) <= 2 * words.len() =>
+            {
+                self.clone()
+            }
+            _ => Self::new(snapshot, cfg),
+        }
+    }
+
+    /// Whether forecasts that were made for the other hold for this one.
+    pub(in crate::localize) fn reads_same_words(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Inverted(words), Self::Inverted(others)) => Arc::ptr_eq(words, others),
+            (Self::Inverted(_), _) | (_, Self::Inverted(_)) => false,
+            _ => true,
+        }
+    }
+
+    /// What candidates are found by in this map.
+    fn kind(snapshot: &Snapshot, cfg: &LocalizerConfig) -> PlaceSearch {
+        match cfg.place_search() {
+            _ if snapshot.nodes.len() <= LENGTH => PlaceSearch::Exact,
+            PlaceSearch::Auto if Self::num_predicted(snapshot, cfg) < MIN_PREDICTED => {
+                PlaceSearch::Exact
+            }
+            PlaceSearch::Auto => PlaceSearch::Inverted,
+            chosen => chosen,
+        }
+    }
+
+    /// Features that are predicted of all places, at most.
+    fn num_predicted(snapshot: &Snapshot, cfg: &LocalizerConfig) -> usize {
+        match cfg.selection() {
+            Selection::Top(n) => n.get().saturating_mul(snapshot.nodes.len()),
+            Selection::Threshold(_) => snapshot.nodes.iter().map(|it| it.features.len()).sum(),
+        }
+    }
+
+    /// The power of two nearest to four times the root of what is predicted.
+    fn num_words(snapshot: &Snapshot, cfg: &LocalizerConfig) -> usize {
+        let num_predicted = Self::num_predicted(snapshot, cfg) as f64;
+        1 << (4.0 * num_predicted.sqrt()).log2().round() as u32
+    }
+}

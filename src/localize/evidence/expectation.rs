@@ -1,0 +1,446 @@
+//! What would each feature say, matched or missing, and what do the matches of an image say together?
+//!
+//! An [`Expectation`] sums the formula of this room's documentation: what an image says in which nothing matched
+//! is summed up beforehand ([`finalize`](Expectation::finalize)), so that the evidence of an image costs time for
+//! its matches only.
+//!
+//! Cost: 4 logarithms a feature and one addition a feature and reference visit for each prediction; for each
+//! image one addition a match and reference visit, and one exponential a reference visit.
+
+use super::rates::{Calibration, OutlierRatios, Trials};
+use crate::localize::verify::Verified;
+use crate::map::NodeId;
+use crate::predict::{PredictedMap, ReferenceVisits};
+
+/// How often a feature of one visit is detected in another one that looks the same.
+const REPEATABILITY: f64 = 0.8;
+/// How much a reference visit is believed over the model of the single feature.
+const REFERENCE_WEIGHT: f64 = 0.5;
+/// Probabilities of a match stay this far from 0 and 1.
+const MIN_DETECTION: f64 = 0.003;
+const MAX_DETECTION: f64 = 0.97;
+
+/// The log odds of a place of which nothing is remembered.
+pub(in crate::localize) const NO_EVIDENCE: f64 = -1000.0;
+
+/// What each feature of a predicted map or appearance would say, matched or missing; memory that is
+/// used again.
+#[derive(Clone, Debug, Default)]
+pub(in crate::localize) struct Expectation {
+    /// Log ratio of a missing feature that the reference visit did not see.
+    missing: Vec<f64>,
+    /// What is added if it is matched.
+    matched: Vec<f64>,
+    /// What is added if the reference visit saw it: missing, matched.
+    seen: Vec<[f64; 2]>,
+    /// One bit a reference visit.
+    words: Vec<u64>,
+    outliers: OutlierRatios,
+    num_references: usize,
+    /// ln of how much each reference visit counts, which is 1 on average; nothing where all count alike.
+    log_weights: Vec<f64>,
+    /// So many features take part.
+    num_finalized: usize,
+    /// Their sum where all are missing, without what reference visits add.
+    nothing: f64,
+    /// What each reference visit adds where all are missing.
+    nothing_seen: Vec<f64>,
+}
+
+/// Features that were found, with the distance of the match; memory that is used again.
+#[derive(Clone, Debug, Default)]
+pub(in crate::localize) struct Hits(Vec<(u32, u16)>);
+
+impl Hits {
+    /// Those of the inliers among the first `len` features, ascending; of several matches of one feature
+    /// the nearest counts.
+    fn gather(&mut self, len: usize, verified: &Verified<'_>) -> &[(u32, u16)] {
+        self.0.clear();
+        let agreeing = (verified.matches.iter())
+            .zip(verified.inliers)
+            .filter(|(_, is_inlier)| **is_inlier);
+        (self.0).extend(agreeing.map(|(found, _)| (found.map, found.distance_bits)));
+        self.0.retain(|hit| (hit.0 as usize) < len);
+        self.0.sort_unstable();
+        self.0.dedup_by_key(|hit| hit.0);
+        &self.0
+    }
+}
+
+impl Expectation {
+    /// Starts over for the predicted map of a place, whose reference visits count as much as their
+    /// `similarity` says; alike, where it says nothing.
+    pub(super) fn restart(
+        &mut self,
+        calibration: &Calibration,
+        node: NodeId,
+        num_references: usize,
+        similarity: &[f64],
+    ) {
+        let outliers = calibration.outlier_ratios(node);
+        if calibration.uses_references {
+            self.restart_weighted(num_references, outliers, similarity);
+        } else {
+            self.restart_alone(outliers);
+        }
+    }
+
+    /// Starts over without reference visits.
+    fn restart_alone(&mut self, outliers: OutlierRatios) {
+        self.restart_weighted(0, outliers, &[]);
+    }
+
+    fn restart_weighted(
+        &mut self,
+        num_references: usize,
+        outliers: OutlierRatios,
+        similarity: &[f64],
+    ) {
+        self.outliers = outliers;
+        self.missing.clear();
+        self.matched.clear();
+        self.seen.clear();
+        self.words.clear();
+        self.num_references = num_references;
+        let mean = similarity.iter().sum::<f64>() / similarity.len().max(1) as f64;
+        self.log_weights.clear();
+        (self.log_weights).extend(similarity.iter().map(|similarity| (similarity / mean).ln()));
+        self.forget_sums();
+    }
+
+    /// Starts over with what each feature of a predicted map would say.
+    pub(in crate::localize) fn expect_predicted(
+        &mut self,
+        calibration: &Calibration,
+        node: NodeId,
+        predicted: &PredictedMap,
+        references: &ReferenceVisits,
+    ) {
+        let num_references = references.num_visits();
+        self.restart(calibration, node, num_references, predicted.similarity());
+        for &id in predicted.features() {
+            let detection = calibration.detection_at(node, predicted.scores()[id as usize]);
+            let false_rate = calibration.false_rate_of(node, 0, id as usize, Trials::default());
+            self.push(detection, false_rate, references.seen()[id as usize]);
+        }
+    }
+
+    /// Starts over with what each of the `len` strongest features of an appearance would say.
+    pub(in crate::localize) fn expect_appearance(
+        &mut self,
+        calibration: &Calibration,
+        node: NodeId,
+        visit: u32,
+        len: usize,
+    ) {
+        self.restart_alone(calibration.outlier_ratios(node));
+        for rank in 0..len {
+            let detection = calibration.detection_at(node, strength_score(rank));
+            let false_rate =
+                calibration.false_rate_of(node, visit as usize, rank, Trials::default());
+            self.push(detection, false_rate, 0);
+        }
+    }
+
+    /// Adds the next feature: `detection` is `p_f`, `false_rate` `q_f`, and the reference visits that saw it.
+    pub(super) fn push(&mut self, detection: f64, false_rate: f64, references: u64) {
+        let [missing, matched] = log_ratios(
+            if self.num_references == 0 {
+                detection
+            } else {
+                (1.0 - REFERENCE_WEIGHT) * detection
+            },
+            false_rate,
+        );
+        let unmatched = missing + self.outliers.missing;
+        self.missing.push(unmatched);
+        self.matched.push(matched - unmatched);
+        self.words.push(references);
+        if self.num_references > 0 {
+            let by_reference =
+                (1.0 - REFERENCE_WEIGHT) * detection + REFERENCE_WEIGHT * REPEATABILITY;
+            let [missing_seen, matched_seen] = log_ratios(by_reference, false_rate);
+            self.seen
+                .push([missing_seen - missing, matched_seen - matched]);
+        }
+    }
+
+    fn forget_sums(&mut self) {
+        self.num_finalized = 0;
+        self.nothing = 0.0;
+        self.nothing_seen.clear();
+        self.nothing_seen.extend_from_slice(&self.log_weights);
+        self.nothing_seen.resize(self.num_references, 0.0);
+    }
+
+    /// From now on the first `len` features take part: O(features x reference visits), or as much less as took
+    /// part before.
+    pub(in crate::localize) fn finalize(&mut self, len: usize) {
+        let len = len.min(self.missing.len());
+        if len < self.num_finalized {
+            self.forget_sums();
+        }
+        for feature in self.num_finalized..len {
+            self.nothing += self.missing[feature];
+            if self.num_references > 0 {
+                add_to_seeing(
+                    &mut self.nothing_seen,
+                    self.seen[feature][0],
+                    self.words[feature],
+                );
+            }
+        }
+        self.num_finalized = len;
+    }
+
+    /// The log odds given the matches of an image.
+    pub(in crate::localize) fn log_odds(
+        &self,
+        calibration: &Calibration,
+        hits: &mut Hits,
+        verified: &Verified<'_>,
+    ) -> f64 {
+        let hits = hits.gather(self.num_finalized, verified);
+        let num_missing = self.num_finalized.saturating_sub(hits.len());
+        let num_outliers = verified.num_outliers.min(num_missing);
+        let mut common =
+            self.nothing + num_outliers as f64 * (self.outliers.outlier - self.outliers.missing);
+        if verified.vote.num_inliers > 0 {
+            common += calibration.displacement_log_ratio(verified.vote.median);
+        }
+        for &(feature, distance_bits) in hits {
+            common +=
+                self.matched[feature as usize] + calibration.distance_log_ratio(distance_bits);
+        }
+        common + self.log_mean_over_references(hits)
+    }
+
+    /// The log odds where nothing is matched.
+    pub(in crate::localize) fn of_nothing(&self) -> f64 {
+        self.nothing + self.log_mean_over_references(&[])
+    }
+
+    /// About how much the match of one feature adds: as if all reference visits weighed alike.
+    pub(in crate::localize) fn worth(&self, feature: usize) -> f64 {
+        let of_witnesses = self.seen.get(feature).map_or(0.0, |[missing, matched]| {
+            let share = f64::from(self.words[feature].count_ones()) / self.num_references as f64;
+            share * (matched - missing)
+        });
+        self.matched[feature] + of_witnesses
+    }
+
+    fn log_mean_over_references(&self, hits: &[(u32, u16)]) -> f64 {
+        if self.num_references == 0 {
+            return 0.0;
+        }
+        let mut sums = [0.0; ReferenceVisits::MAX_VISITS];
+        let sums = &mut sums[..self.num_references];
+        sums.copy_from_slice(&self.nothing_seen);
+        for &(feature, _) in hits {
+            let [missing, matched] = self.seen[feature as usize];
+            add_to_seeing(sums, matched - missing, self.words[feature as usize]);
+        }
+        let mut mean = LogMean::default();
+        for &sum in &*sums {
+            mean.push(sum);
+        }
+        mean.value()
+    }
+}
+
+/// What the `rank`-th strongest feature of an appearance scores.
+pub(super) fn strength_score(rank: usize) -> f64 {
+    -(rank as f64)
+}
+
+/// Adds to the sums of those reference visits whose bit is set.
+fn add_to_seeing(sums: &mut [f64], added: f64, word: u64) {
+    for (reference, sum) in sums.iter_mut().enumerate() {
+        // A multiplication instead of a branch: the loop has no surprises for the processor.
+        *sum += added * (word >> reference & 1) as f64;
+    }
+}
+
+/// Log ratios of a missing and of a matched feature.
+fn log_ratios(detection: f64, false_rate: f64) -> [f64; 2] {
+    let p = detection.clamp(MIN_DETECTION, MAX_DETECTION);
+    let q = false_rate;
+    [((1.0 - p) / (1.0 - q)).ln(), (p / q).ln()]
+}
+
+/// `ln(mean of exp)` of what was pushed, without overflow.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::localize) struct LogMean {
+    most: f64,
+    sum: f64,
+    count: u32,
+}
+
+impl Default for LogMean {
+    fn default() -> Self {
+        Self {
+            most: f64::NEG_INFINITY,
+            sum: 0.0,
+            count: 0,
+        }
+    }
+}
+
+impl LogMean {
+    pub(in crate::localize) fn push(&mut self, log: f64) {
+        if log > self.most {
+            self.sum = self.sum * (self.most - log).exp() + 1.0;
+            self.most = log;
+        } else {
+            self.sum += (log - self.most).exp();
+        }
+        self.count += 1;
+    }
+
+    /// [`NO_EVIDENCE`] if nothing was pushed.
+    pub(in crate::localize) fn value(&self) -> f64 {
+        if self.count == 0 {
+            return NO_EVIDENCE;
+        }
+        self.most + (self.sum / f64::from(self.count)).ln()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::matching::{Match, Vote};
+
+    fn found(map: u32, distance_bits: u16) -> Match {
+        Match {
+            map,
+            live: map,
+            distance_bits,
+        }
+    }
+
+    /// The formula of the module, term by term.
+    fn by_definition(features: &[(f64, f64, u64)], num_references: usize, hits: &[bool]) -> f64 {
+        let product = |reference: Option<usize>| -> f64 {
+            (features.iter().zip(hits))
+                .map(|(&(p, q, word), &hit)| {
+                    let p = match reference {
+                        Some(v) => 0.5 * p + 0.4 * (word >> v & 1) as f64,
+                        None => p,
+                    };
+                    if hit { p / q } else { (1.0 - p) / (1.0 - q) }
+                })
+                .product()
+        };
+        if num_references == 0 {
+            product(None).ln()
+        } else {
+            let sum: f64 = (0..num_references).map(|v| product(Some(v))).sum();
+            (sum / num_references as f64).ln()
+        }
+    }
+
+    #[test]
+    fn log_odds_are_those_of_the_formula() {
+        let features = [(0.5, 0.1, 0b011), (0.3, 0.02, 0b100), (0.8, 0.05, 0b001)];
+        let calibration = Calibration::uninformed();
+        for num_references in [0, 3] {
+            let mut expectation = Expectation::default();
+            expectation.restart_weighted(num_references, OutlierRatios::default(), &[]);
+            for (p, q, word) in features {
+                expectation.push(p, q, word);
+            }
+            expectation.finalize(3);
+            for pattern in 0..8_u32 {
+                let hits = [0, 1, 2].map(|f| pattern >> f & 1 == 1);
+                let matches: Vec<Match> = (0..3)
+                    .filter(|&f| hits[f as usize])
+                    .map(|f| found(f, 7))
+                    .collect();
+                let verified = Verified {
+                    matches: &matches,
+                    inliers: &vec![true; matches.len()],
+                    vote: Vote {
+                        num_inliers: matches.len() as u32,
+                        ..Vote::default()
+                    },
+                    num_outliers: 0,
+                };
+                let odds = expectation.log_odds(&calibration, &mut Hits::default(), &verified);
+                let expected = by_definition(&features, num_references, &hits);
+                assert!((odds - expected).abs() < 1e-12, "{odds} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn finalizing_again_is_finalizing_at_once() {
+        let calibration = Calibration::uninformed();
+        let matches = [found(0, 7), found(3, 9), found(3, 2), found(8, 1)];
+        let odds = |lens: &[usize]| {
+            let mut expectation = Expectation::default();
+            expectation.restart_weighted(3, OutlierRatios::default(), &[]);
+            for feature in 0..10_u32 {
+                let p = 0.05 + 0.09 * f64::from(feature);
+                expectation.push(p, 0.02, u64::from(feature % 8));
+            }
+            for &len in lens {
+                expectation.finalize(len);
+            }
+            let verified = Verified {
+                matches: &matches,
+                inliers: &[true; 4],
+                vote: Vote::default(),
+                num_outliers: 0,
+            };
+            expectation.log_odds(&calibration, &mut Hits::default(), &verified)
+        };
+        let at_once = odds(&[6]);
+        assert_eq!(odds(&[2, 5, 6]), at_once);
+        assert_eq!(odds(&[10, 3, 6]), at_once);
+        assert_ne!(odds(&[10]), at_once, "feature 8 takes part");
+    }
+
+    #[test]
+    fn an_outlier_match_is_neither_found_nor_missing() {
+        let (here, others) = (0.3, 0.2);
+        let odds = |outliers: OutlierRatios, num_outliers: usize| {
+            let mut expectation = Expectation::default();
+            expectation.restart_alone(outliers);
+            expectation.push(0.5, 0.01, 0);
+            expectation.push(0.4, 0.01, 0);
+            expectation.finalize(2);
+            let matches: Vec<Match> = (0..num_outliers as u32).map(|f| found(f, 3)).collect();
+            let verified = Verified {
+                matches: &matches,
+                inliers: &vec![false; num_outliers],
+                vote: Vote::default(),
+                num_outliers,
+            };
+            let calibration = Calibration::uninformed();
+            expectation.log_odds(&calibration, &mut Hits::default(), &verified)
+        };
+        let missing = (0.5 * 0.6 / 0.99_f64.powi(2)).ln();
+        for num_outliers in 0..=2 {
+            let said = num_outliers as f64 * f64::ln(here / others)
+                + (2 - num_outliers) as f64 * f64::ln((1.0 - here) / (1.0 - others));
+            let found = odds(OutlierRatios::new(here, others), num_outliers);
+            assert!((found - missing - said).abs() < 1e-12);
+            // Where nothing is known of outlier matches, they count as missing.
+            assert!((odds(OutlierRatios::default(), num_outliers) - missing).abs() < 1e-12);
+        }
+        // There are not more than features.
+        let outliers = OutlierRatios::new(here, others);
+        assert_eq!(odds(outliers, 7), odds(outliers, 2));
+    }
+
+    #[test]
+    fn the_mean_of_logs_does_not_overflow() {
+        let mut mean = LogMean::default();
+        assert_eq!(mean.value(), NO_EVIDENCE);
+        for log in [-2000.0, 1000.0, 1000.0, -5.0] {
+            mean.push(log);
+        }
+        assert!((mean.value() - (1000.0 - 2.0_f64.ln())).abs() < 1e-9);
+    }
+}

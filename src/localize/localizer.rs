@@ -1,0 +1,480 @@
+//! How does an image become an answer: predict, match, verify, score, decide?
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::candidates::{Finder, LENGTH};
+use super::config::{LocalizerConfig, PlaceSearch, Score};
+use super::evidence::{self, Calibration, Expectation, Hits, LogMean, as_evidence};
+use super::forecast::{Forecast, ForecastSource, Forecasts};
+use super::localization::Localization;
+use super::plan::{Plan, PlannedMap};
+use super::query::Query;
+use super::scratch::Scratch;
+use super::verify::Verified;
+use crate::feature::FeaturesView;
+use crate::map::{NodeId, Snapshot};
+use crate::predict::Selection;
+use fremen::error::Result;
+use fremen::time::Time;
+use fremen::visibility::VisibilityModel;
+
+/// Answers "where am I?" from one snapshot; immutable and shared between threads.
+#[derive(Debug)]
+pub struct Localizer {
+    pub(super) map: PlannedMap,
+    pub(super) calibration: Option<Arc<Calibration>>,
+    pub(super) finder: Finder,
+    forecasts: Forecasts,
+}
+
+impl Localizer {
+    /// Fits the visibility model of every place of `snapshot`, and calibrates what matches are worth on
+    /// its past visits (unless [`LocalizerConfig::calibrated`] says no), or takes the calibration that was
+    /// attached to the map ([`to_attachment`](Self::to_attachment)) and still fits it. Places are fitted on
+    /// the threads of the caller's rayon pool.
+    ///
+    /// Fails with [`ErrorKind::Config`](fremen::ErrorKind::Config) if the map has no places, or none of the
+    /// appearances that the method needs were kept.
+    pub fn new(snapshot: Arc<Snapshot>, cfg: LocalizerConfig) -> Result<Self> {
+        let map = PlannedMap::new(snapshot, cfg)?;
+        let mut calibration = None;
+        if map.cfg.calibrated() {
+            let attached = evidence::attached(&map.snapshot, &map.cfg);
+            let known = attached.map_or_else(|| Calibration::learn(&map), Ok)?;
+            calibration = Some(Arc::new(known));
+        }
+        let finder = Finder::new(&map.snapshot, &map.cfg);
+        Ok(Self::from_parts(map, calibration, finder))
+    }
+
+    /// Of what was worked out before.
+    pub(super) fn from_parts(
+        map: PlannedMap,
+        calibration: Option<Arc<Calibration>>,
+        finder: Finder,
+    ) -> Self {
+        Self {
+            map,
+            calibration,
+            finder,
+            forecasts: Forecasts::default(),
+        }
+    }
+
+    /// The same on a newer snapshot of its map, for a robot that learns while it localises.
+    ///
+    /// Only places that have changed are fitted and predicted again, on the threads of the caller's rayon
+    /// pool; with places that the snapshots share ([`Arc::ptr_eq`]) nothing is done. What matches are worth
+    /// and the words that candidates are found by take many visits to change and are kept.
+    ///
+    /// Fails as [`new`](Self::new) does.
+    pub fn with_snapshot(&self, snapshot: Arc<Snapshot>) -> Result<Self> {
+        let older = &self.map;
+        let is_same: Vec<bool> = (snapshot.nodes.par_iter().enumerate())
+            .map(|(index, node)| {
+                let old = older.snapshot.nodes.get(index);
+                old.is_some_and(|old| Arc::ptr_eq(old, node) || old == node)
+            })
+            .collect();
+        let map = older.with_snapshot(snapshot, &is_same)?;
+        let calibration = (self.calibration.as_ref()).map(|known| {
+            Calibration::with_snapshot(known, &older.snapshot, &map.snapshot, &is_same)
+        });
+        let finder = self.finder.with_snapshot(&map.snapshot, &map.cfg);
+        let newer = Self::from_parts(map, calibration, finder);
+        if newer.finder.reads_same_words(&self.finder) {
+            let num_places = older.plans.len();
+            (newer.forecasts).take_over(newer.source(), &self.forecasts, num_places, &is_same);
+        }
+        Ok(newer)
+    }
+
+    /// What is known of the worth of matches; `None` if the configuration wants no calibration.
+    pub fn calibration(&self) -> Option<&Calibration> {
+        self.calibration.as_deref()
+    }
+
+    /// What to attach to the map under the name [`ATTACHMENT`](super::ATTACHMENT), so that a localizer of this
+    /// configuration need not calibrate again; `None` without calibration.
+    ///
+    /// Fails with [`ErrorKind::Format`](fremen::ErrorKind::Format) if it cannot be written.
+    pub fn to_attachment(&self) -> Result<Option<Arc<[u8]>>> {
+        (self.calibration.as_deref())
+            .map(|known| evidence::to_attachment(known, &self.map.snapshot, &self.map.cfg))
+            .transpose()
+    }
+
+    /// The same with another part of each place predicted; models are not fitted again.
+    #[must_use]
+    pub fn with_selection(self, selection: Selection) -> Self {
+        self.with_cfg(|cfg| cfg.with_selection(selection))
+    }
+
+    /// The same with candidates found in another way; models are not fitted again.
+    ///
+    /// Fails with [`ErrorKind::Config`](fremen::ErrorKind::Config) if this crate was built without that way.
+    pub fn with_place_search(self, place_search: PlaceSearch) -> Result<Self> {
+        self.cfg().clone().with_place_search(place_search).check()?;
+        Ok(self.with_cfg(|cfg| cfg.with_place_search(place_search)))
+    }
+
+    fn with_cfg(mut self, change: impl FnOnce(LocalizerConfig) -> LocalizerConfig) -> Self {
+        self.map.cfg = change(self.map.cfg);
+        self.finder = Finder::new(&self.map.snapshot, &self.map.cfg);
+        self.forecasts = Forecasts::default();
+        self
+    }
+
+    /// The map it reads.
+    pub fn snapshot(&self) -> &Arc<Snapshot> {
+        &self.map.snapshot
+    }
+
+    /// How it works.
+    pub fn cfg(&self) -> &LocalizerConfig {
+        &self.map.cfg
+    }
+
+    /// The visibility model of a place; `None` where the method remembers appearances instead.
+    pub fn model(&self, node: NodeId) -> Option<&dyn VisibilityModel> {
+        match self.map.plans[node.0 as usize].as_ref() {
+            Plan::Predicted { model, .. } => Some(model.as_ref()),
+            Plan::Appearances { .. } => None,
+        }
+    }
+
+    /// How many features of an appearance the configured selection takes.
+    pub(crate) fn largest_size(&self) -> usize {
+        self.map.largest_size()
+    }
+
+    /// Memory to work in.
+    pub fn scratch(&self) -> Scratch {
+        Scratch::default()
+    }
+
+    /// Predicts all places for the time bucket of `time` beforehand, on the threads of the caller's rayon
+    /// pool, so that the first image in that bucket need not wait for it.
+    ///
+    /// Answers are the same without; the last two buckets are kept. A robot that must not miss a frame calls
+    /// [`prefetch_next`](Self::prefetch_next) instead.
+    pub fn prefetch(&self, time: Time) {
+        if self.predicts() {
+            self.forecast_by_all(self.map.middle_of_bucket(time));
+        }
+    }
+
+    /// Has `pool` predict all places for the bucket after that of `time`, and returns at once.
+    ///
+    /// To be called with every image: only the first call in a bucket orders anything. A pool of one thread
+    /// leaves the other processors to the robot. Answers are the same without; with it, the first image of a
+    /// bucket finds its prediction made, if the pool had a bucket's time to make it.
+    pub fn prefetch_next(self: &Arc<Self>, pool: &rayon::ThreadPool, time: Time) {
+        if !(self.predicts() && self.cfg().method().needs_time()) {
+            return;
+        }
+        let next = self.cfg().middle_of_next_bucket(time);
+        if let Some(next) = next
+            && self.forecasts.order(next)
+        {
+            let localizer = Arc::clone(self);
+            pool.spawn(move || {
+                localizer.forecast_by_all(next);
+            });
+        }
+    }
+
+    /// [`localize_into`](Self::localize_into) a new [`Localization`].
+    pub fn localize(&self, scratch: &mut Scratch, query: &Query<'_>) -> Result<Localization> {
+        let mut out = Localization::default();
+        self.localize_into(scratch, query, &mut out)?;
+        Ok(out)
+    }
+
+    /// Ranks the places by how well they explain `query`, and decides.
+    ///
+    /// Fails with [`ErrorKind::Time`](fremen::ErrorKind::Time) if the method needs a time and the query has
+    /// none, and with [`ErrorKind::Shape`](fremen::ErrorKind::Shape) if the query's image has another size
+    /// than the map's.
+    pub fn localize_into(
+        &self,
+        scratch: &mut Scratch,
+        query: &Query<'_>,
+        out: &mut Localization,
+    ) -> Result<()> {
+        let time = self.map.check(query)?;
+        let forecast = self.predict(scratch, time);
+        self.answer(scratch, query, time, forecast.as_deref(), out);
+        Ok(())
+    }
+
+    /// [`localize`](Self::localize)s many images on the threads of the caller's rayon pool.
+    ///
+    /// The answers are in the order of the queries, and the same as one by one, for any number of threads.
+    /// Images of one time bucket share its prediction, so they need not be sorted. The first query that
+    /// does not fit is an error, and then nothing is localised.
+    pub fn localize_batch(&self, queries: &[Query<'_>]) -> Result<Vec<Localization>> {
+        let times =
+            (queries.iter().map(|query| self.map.check(query))).collect::<Result<Vec<_>>>()?;
+        let mut order: Vec<usize> = (0..queries.len()).collect();
+        order.sort_by_key(|&query| times[query]);
+        let buckets: Vec<&[usize]> = (order.chunk_by(|&a, &b| times[a] == times[b])).collect();
+        let mut answers: Vec<(usize, Localization)> = (buckets.into_par_iter())
+            .flat_map(|bucket| {
+                let time = times[bucket[0]];
+                let forecast = self.predicts().then(|| self.forecast_by_all(time));
+                (bucket.into_par_iter()).map_init(Scratch::default, move |scratch, &index| {
+                    let (query, forecast) = (&queries[index], forecast.as_deref());
+                    let mut out = Localization::default();
+                    self.answer(scratch, query, time, forecast, &mut out);
+                    (index, out)
+                })
+            })
+            .collect();
+        answers.sort_unstable_by_key(|&(query, _)| query);
+        Ok(answers.into_iter().map(|(_, answer)| answer).collect())
+    }
+
+    /// Answers a query that fits, at the time to predict for; `forecast` is of that time, where the method
+    /// predicts.
+    fn answer(
+        &self,
+        scratch: &mut Scratch,
+        query: &Query<'_>,
+        time: Time,
+        forecast: Option<&Forecast>,
+        out: &mut Localization,
+    ) {
+        let live = query.features.view();
+        match forecast {
+            Some(forecast) => self.match_predicted(scratch, forecast, live, out),
+            None => self.match_appearances(scratch, time, live, out),
+        }
+        out.time = query.time;
+        self.compute_posterior(scratch, out);
+        out.decide(self.cfg());
+    }
+
+    /// Predicts all places; `None` where the method remembers appearances instead.
+    fn predict(&self, scratch: &mut Scratch, time: Time) -> Option<Arc<Forecast>> {
+        let predicted = &mut scratch.predicted;
+        (self.predicts()).then(|| self.forecasts.at(self.source(), predicted, time))
+    }
+
+    /// Matches the predicted map of each place, or of each candidate, with the live image; verifies and
+    /// scores what matches.
+    fn match_predicted(
+        &self,
+        scratch: &mut Scratch,
+        forecast: &Forecast,
+        live: FeaturesView<'_>,
+        out: &mut Localization,
+    ) {
+        let Scratch {
+            matching,
+            verifier,
+            hits,
+            ranked,
+            shortlist,
+            places,
+            ends,
+            ..
+        } = scratch;
+        let finder = forecast.shortlist(&self.finder);
+        if let Some(finder) = finder {
+            finder.shortlist_into(shortlist, live.descriptors, LENGTH, places);
+            forecast.gather_into(places, ranked, ends);
+        }
+        let (all, ends) = match finder {
+            Some(_) => (ranked.view(), &ends[..]),
+            None => forecast.all_features(),
+        };
+        out.restart(ends.len());
+        out.pairs_compared = (all.len() * live.len()) as u64;
+        (self.map.matcher).parts_into(matching, all, ends, live, |part, matches| {
+            let id = finder.map_or(NodeId(part as u32), |_| NodeId(places[part]));
+            let candidate = &mut out.ranking[part];
+            candidate.restart(id);
+            candidate.predict(forecast.ids(id), forecast.probabilities(id));
+            let ranked = forecast.features(id);
+            let verified = verifier.verify(self.cfg().vote(), matches, ranked, live);
+            let log_odds = self.log_odds(hits, forecast.expectation(id), &verified);
+            candidate.record(self.cfg(), None, &verified, log_odds);
+        });
+    }
+
+    /// Matches the remembered appearances of each place with the live image; verifies and scores what
+    /// matches.
+    fn match_appearances(
+        &self,
+        scratch: &mut Scratch,
+        time: Time,
+        live: FeaturesView<'_>,
+        out: &mut Localization,
+    ) {
+        let Scratch {
+            matching,
+            matches,
+            verifier,
+            hits,
+            expectation,
+            likely,
+            visits,
+            ..
+        } = scratch;
+        out.restart(self.map.plans.len());
+        for (id, candidate) in (0..).map(NodeId).zip(&mut out.ranking) {
+            candidate.restart(id);
+            let plan = &self.map.plans[id.0 as usize];
+            plan.visits_into(time, likely, visits);
+            let mut odds = LogMean::default();
+            for &visit in &*visits {
+                let ranked = self.map.appearance(id, visit, self.largest_size());
+                out.pairs_compared += (ranked.len() * live.len()) as u64;
+                (self.map.matcher).matches_into(matching, ranked, live, matches);
+                let verified = verifier.verify(self.cfg().vote(), matches, ranked, live);
+                self.expect_appearance(expectation, id, visit, ranked.len());
+                let log_odds = self.log_odds(hits, Some(expectation), &verified);
+                candidate.record(self.cfg(), Some(visit), &verified, log_odds);
+                odds.push(log_odds);
+            }
+            candidate.finalize(self.cfg().score(), odds.value());
+        }
+    }
+
+    /// The log odds of a place; 0 without calibration.
+    pub(super) fn log_odds(
+        &self,
+        hits: &mut Hits,
+        expectation: Option<&Expectation>,
+        verified: &Verified<'_>,
+    ) -> f64 {
+        let known = self.calibration.as_deref().zip(expectation);
+        known.map_or(0.0, |(calibration, expectation)| {
+            expectation.log_odds(calibration, hits, verified)
+        })
+    }
+
+    /// Notes what each feature of an appearance would say.
+    pub(super) fn expect_appearance(
+        &self,
+        expectation: &mut Expectation,
+        id: NodeId,
+        visit: u32,
+        len: usize,
+    ) {
+        if let Some(calibration) = &self.calibration {
+            expectation.expect_appearance(calibration, id, visit, len);
+            expectation.finalize(len);
+        }
+    }
+
+    /// Gives every place its posterior.
+    fn compute_posterior(&self, scratch: &mut Scratch, out: &mut Localization) {
+        let Some(calibration) = &self.calibration else {
+            out.share_scores();
+            return;
+        };
+        let score = self.cfg().score();
+        scratch.scores.clear();
+        (scratch.scores).extend((out.ranking.iter()).map(|it| as_evidence(score, it.score)));
+        // Places that were not worth matching count as the last one that was.
+        let least = scratch.scores.iter().copied().fold(f64::INFINITY, f64::min);
+        scratch.scores.resize(self.map.plans.len(), least);
+        let calibration = calibration.posterior_calibration(score, self.typical_size(out));
+        let (scores, posterior) = (&scratch.scores, &mut scratch.posterior);
+        out.off_map = calibration.posterior_into(scores, self.cfg().off_map(), posterior);
+        for (candidate, &posterior) in out.ranking.iter_mut().zip(&*posterior) {
+            candidate.posterior = posterior;
+        }
+    }
+
+    /// The posterior of each place, and of being off the map, from their scores at `n` features; `None`
+    /// without calibration.
+    ///
+    /// An evaluation uses this for scores that it has of a [`Sweep`](super::Sweep).
+    pub fn posterior(&self, score: Score, n: usize, scores: &[f64]) -> Option<(Vec<f64>, f64)> {
+        let calibration = self.calibration.as_ref()?.posterior_calibration(score, n);
+        let evidence: Vec<f64> = (scores.iter())
+            .map(|&value| as_evidence(score, value))
+            .collect();
+        let mut posterior = Vec::new();
+        let off_map = calibration.posterior_into(&evidence, self.cfg().off_map(), &mut posterior);
+        Some((posterior, off_map))
+    }
+
+    /// The number of features that the scores are made of: n, or what a threshold leaves on average.
+    fn typical_size(&self, out: &Localization) -> usize {
+        match self.cfg().selection() {
+            Selection::Top(n) => n.get(),
+            Selection::Threshold(_) => {
+                let total: usize = out.ranking.iter().map(|it| it.predicted.len()).sum();
+                total / out.ranking.len().max(1)
+            }
+        }
+    }
+
+    /// Whether places are matched by predicted maps, and not by remembered appearances.
+    fn predicts(&self) -> bool {
+        self.cfg().method().predicts()
+    }
+
+    fn source(&self) -> ForecastSource<'_> {
+        ForecastSource {
+            map: &self.map,
+            calibration: self.calibration.as_deref(),
+            finder: &self.finder,
+        }
+    }
+
+    fn forecast_by_all(&self, time: Time) -> Arc<Forecast> {
+        self.forecasts.at_by_all(self.source(), time)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::feature::{Descriptor, Keypoint};
+    use crate::map::{MapMeta, Node, PlaceKey};
+    use fremen::visibility::BitRow;
+
+    #[test]
+    fn the_next_bucket_is_predicted_once_and_only_where_there_are_buckets() {
+        let mut node = Node::new(PlaceKey::new("here").expect("a key"));
+        let keypoint = Keypoint {
+            x: 1.0,
+            y: 2.0,
+            size: 3.0,
+            response: 4.0,
+        };
+        node.features.push(keypoint, Descriptor::default());
+        let mut seen = BitRow::zeros(1);
+        seen.set(0);
+        node.log
+            .push_visit(Time::default(), seen, None)
+            .expect("fits");
+        let mut snapshot = Snapshot::empty(MapMeta::new(1, "none", "default"));
+        snapshot.nodes.push(Arc::new(node));
+        let snapshot = Arc::new(snapshot);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let pool = pool.expect("a thread");
+        for length_s in [600, 0] {
+            let cfg = LocalizerConfig::default()
+                .with_calibrated(false)
+                .with_time_bucket_s(length_s);
+            let localizer = Localizer::new(Arc::clone(&snapshot), cfg).expect("fits");
+            let localizer = Arc::new(localizer);
+            for s in [10, 11, 599] {
+                localizer.prefetch_next(&pool, Time::from_s(s));
+            }
+            // The one thread does what was ordered before.
+            pool.install(|| ());
+            let times = localizer.forecasts.times();
+            let expected = [Time::from_s(900)];
+            assert_eq!(times, expected[..usize::from(length_s > 0)]);
+        }
+    }
+}

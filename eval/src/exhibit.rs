@@ -24,7 +24,6 @@ use crate::report::{
     ProbabilityCurve, Raster, RasterRow, TimeAxis,
 };
 use crate::results::{Answer, RowKey, SuiteResults, Variant};
-use crate::table::detail_n;
 
 /// Live images shown.
 const NUM_FEATURE_PICTURES: usize = 3;
@@ -60,7 +59,7 @@ pub fn pictures(
     exhibit: Exhibit,
     prefix: Option<&str>,
 ) -> Result<Pictures> {
-    let Some(n) = detail_n(results) else {
+    let Some(n) = results.detail_n() else {
         return Ok(Pictures::default());
     };
     let key = exhibit.variant.at(n);

@@ -26,11 +26,11 @@ use chronotope::predict::{Choice, Selection};
 use rayon::prelude::*;
 
 use crate::exhibit::Exhibit;
+use crate::judge::rates::Tally;
+use crate::judge::statistics::{Sample, p50_p99};
 use crate::material::Material;
-use crate::metrics::{self, Sample};
 use crate::results::{self, Answer, LeakCheck, Reobservation, SuiteResults};
 use crate::suite::{Arm, Protocol, Run, Suite, shipped};
-use crate::table::detail_n;
 
 /// Re-observation is judged on so many of the most likely features (T-RO 2017, table I).
 const TOP: usize = 10;
@@ -392,13 +392,13 @@ impl<'s> Tallies<'s> {
                 for (size, &n) in self.suite.sizes.iter().enumerate() {
                     let key = name.at(n as u32);
                     let has_rule = score == Score::Likelihood;
-                    let tally = metrics::Tally::of(&results.queries, &key, has_rule);
+                    let tally = Tally::of(&results.queries, &key, has_rule);
                     let is_default = variant.is_default && score == variant.run.localizer.score();
                     let mut row = tally.into_row(&key, is_default);
                     row.reobserved = reobserved.as_ref().map(|reobserved| reobserved.percent);
                     row.pairs_compared =
                         variant.pairs_compared[size] as f64 / variant.num_asked.max(1) as f64;
-                    (row.ms_p50, row.ms_p99) = metrics::p50_p99(&variant.ms[size]);
+                    (row.ms_p50, row.ms_p99) = p50_p99(&variant.ms[size]);
                     if !self.suite.visibility_only {
                         results.rows.push(row);
                     }
@@ -650,7 +650,7 @@ fn ask(
 /// The stages of one image: its features, where they were not cached, and the default's answer.
 fn latency(results: &SuiteResults, extraction_ms: &[f64]) -> Vec<results::StageLatency> {
     let located = (results.default_variant())
-        .zip(detail_n(results))
+        .zip(results.detail_n())
         .and_then(|(variant, n)| results.row(&variant.at(n)))
         .filter(|row| row.ms_p50 > 0.0);
     let of = located.map_or("all methods".into(), |row| {
@@ -659,7 +659,7 @@ fn latency(results: &SuiteResults, extraction_ms: &[f64]) -> Vec<results::StageL
     let stages = [
         (
             "decode and extract, two at a time",
-            (!extraction_ms.is_empty()).then(|| metrics::p50_p99(extraction_ms)),
+            (!extraction_ms.is_empty()).then(|| p50_p99(extraction_ms)),
         ),
         (
             "predict, match, decide",

@@ -1,18 +1,17 @@
 //! Which method recognises places best, how sure are we of it, and what does it look like?
 //!
 //! Finished answers become numbers and pictures here: [`results`] is the file `SUITE.json`,
-//! [`metrics`] turns answers into rates with intervals, [`judgement`] asks whether posteriors and
-//! decisions deserve their trust, [`compare`] pairs two runs query by query, [`table`] prints a run in a
-//! terminal and [`report`] draws it as one HTML file. [`series`] does all of this for single states over
+//! [`judge`] turns answers into rates with intervals, pairs two runs query by query and says whether
+//! posteriors and decisions deserve their trust, [`table`] prints a run in a terminal and [`report`] draws
+//! it as one HTML file. [`series`] does all of this for single states over
 //! time.
 
-pub mod compare;
-pub mod compare_pooled;
 pub mod exhibit;
 pub mod harness;
-pub mod judgement;
+pub mod judge;
 pub mod material;
-pub mod metrics;
+pub(crate) mod progress;
+pub mod provenance;
 pub mod replay;
 pub mod report;
 pub mod results;

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, ensure};
-use chronotope_eval::compare_pooled::{POOLED_SUITES, compare_pooled};
+use chronotope_eval::judge::compare;
+use chronotope_eval::judge::pooled::{POOLED_SUITES, compare_pooled};
 use chronotope_eval::report::{self, ReportInput};
 use chronotope_eval::results::SuiteResults;
 use chronotope_eval::run::{RunOptions, run};
@@ -13,7 +14,7 @@ use chronotope_eval::soak::{self, SoakOptions};
 use chronotope_eval::soak_live::{self, LiveOptions};
 use chronotope_eval::speed::{self, SpeedOptions};
 use chronotope_eval::suite::{Protocol, Suite};
-use chronotope_eval::{compare, replay, series, table};
+use chronotope_eval::{replay, series, table};
 use clap::{Parser, Subcommand};
 
 /// Measures how well Chronotope's methods localise, on real and synthetic images.

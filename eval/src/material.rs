@@ -120,7 +120,7 @@ fn cache_name(dataset: &Dataset, extractor: &dyn Extractor) -> PathBuf {
         let modified = state.and_then(|state| state.modified().ok());
         hasher.update(format!("{len} {modified:?}\n"));
     }
-    let hex = crate::run::hex(&hasher.finalize()[..8]);
+    let hex = crate::provenance::hex(&hasher.finalize()[..8]);
     PathBuf::from(format!("{}-{hex}.features", dataset.name))
 }
 

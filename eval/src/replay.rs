@@ -24,7 +24,8 @@ use chronotope::map::Snapshot;
 
 use crate::harness::{Fold, learn, times, without_twins};
 use crate::material::Material;
-use crate::run::{RunOptions, Worlds, extractor, images, progress, split_at};
+use crate::progress::progress;
+use crate::run::{RunOptions, Worlds, extractor, images, split_at};
 use crate::suite::{Arm, Protocol, Run, Suite, shipped};
 
 /// Asks every query of `suite` once more and gives its trace to `record`; returns their number.

@@ -1,25 +1,24 @@
 //! How is a suite run, from a name to finished files?
 
-use std::path::{Path, PathBuf};
-
+use crate::exhibit::pictures;
+use crate::harness::{Fold, Tallies, folds};
+use crate::judge::judge_all;
+use crate::judge::rates::PairedDifference;
+use crate::material::Material;
+use crate::progress::progress;
+use crate::provenance::{commit, machine, sha256};
+use crate::report::Pictures;
+use crate::results::{SuiteResults, Variant};
+use crate::several::Parts;
+use crate::suite::{Protocol, Suite};
+use crate::truth::visibility_errors;
 use anyhow::{Context, Result};
 use chronotope::Time;
 use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
 use chronotope::dataset::{Dataset, Manifest};
 use chronotope::feature::{StarBrief, StarBriefConfig};
 use chronotope::localize::Score;
-use indicatif::{ProgressBar, ProgressStyle};
-
-use crate::exhibit::pictures;
-use crate::harness::{Fold, Tallies, folds};
-use crate::judgement::judge_all;
-use crate::material::Material;
-use crate::metrics::PairedDifference;
-use crate::report::Pictures;
-use crate::results::{SuiteResults, Variant};
-use crate::several::Parts;
-use crate::suite::{Protocol, Suite};
-use crate::truth::visibility_errors;
+use std::path::PathBuf;
 
 /// The number of features at which a synthetic suite compares methods in words.
 const COMPARED_N: u32 = 30;
@@ -252,58 +251,4 @@ fn describe(protocol: &Protocol, folds: &[Fold]) -> String {
 
 pub(crate) fn extractor() -> Result<StarBrief> {
     Ok(StarBrief::new(StarBriefConfig::default())?)
-}
-
-/// A bar on stderr, hidden where that is no terminal.
-pub(crate) fn progress(len: usize, what: &'static str) -> ProgressBar {
-    let style = ProgressStyle::with_template("{msg:>12} {bar:40} {pos}/{len} {eta} left")
-        .unwrap_or_else(|_| ProgressStyle::default_bar());
-    ProgressBar::new(len as u64)
-        .with_style(style)
-        .with_message(what)
-}
-
-/// Processor, kernel and threads.
-pub fn machine() -> String {
-    let cpuinfo = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = (cpuinfo.lines())
-        .find_map(|line| line.strip_prefix("model name")?.split_once(':'))
-        .map_or("unknown processor", |(_, model)| model.trim());
-    format!(
-        "{model}, {} kernel, {} threads",
-        chronotope::simd::Kernel::best().name(),
-        rayon::current_num_threads()
-    )
-}
-
-/// The revision of the working directory's repository, `+` if it has uncommitted changes.
-pub(crate) fn commit() -> String {
-    let git = |args: &[&str]| {
-        let output = std::process::Command::new("git")
-            .arg("-C")
-            .arg(Path::new(env!("CARGO_MANIFEST_DIR")))
-            .args(args)
-            .output()
-            .ok()?;
-        (output.status.success()).then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
-    };
-    match git(&["rev-parse", "--short=12", "HEAD"]) {
-        Some(head) if git(&["status", "--porcelain"]).is_some_and(|s| s.is_empty()) => head,
-        Some(head) => format!("{head}+"),
-        None => format!("version {}", env!("CARGO_PKG_VERSION")),
-    }
-}
-
-pub(crate) fn sha256(bytes: &[u8]) -> String {
-    use sha2::{Digest, Sha256};
-    hex(&Sha256::digest(bytes))
-}
-
-/// Bytes in hexadecimal.
-pub(crate) fn hex(bytes: &[u8]) -> String {
-    use std::fmt::Write as _;
-    bytes.iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
 }

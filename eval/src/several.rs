@@ -17,10 +17,12 @@ use chronotope::localize::{LocalizerConfig, Preset};
 use rayon::prelude::*;
 
 use crate::harness::{Fold, Said, photograph, run_fold, without_twins};
+use crate::judge::rates::{PairedDifference, Tally};
 use crate::material::Material;
-use crate::metrics::{PairedDifference, Tally};
+use crate::progress::progress;
+use crate::provenance::sha256;
 use crate::results::{LeakCheck, Query, SuiteResults};
-use crate::run::{RunOptions, Worlds, extractor, images, prefix, progress, sha256, split_at};
+use crate::run::{RunOptions, Worlds, extractor, images, prefix, split_at};
 use crate::suite::{Arm, Protocol, Run, Suite};
 
 /// What the ids of foreign queries end with.

@@ -4,27 +4,14 @@
 //! intervals, re-observation, cost in compared pairs and time. Rows are grouped by preset and score,
 //! so that lines next to each other may be compared.
 
+use crate::results::{Judgement, Row, SuiteResults, Variant};
 use std::fmt::Write as _;
-
-use crate::judgement::Judgement;
-use crate::results::{Row, SuiteResults, Variant};
 
 /// Columns of the methods' names.
 const NAME_WIDTH: usize = 33;
 
-/// The n whose intervals are shown unless told otherwise.
-const DETAIL_N: u32 = 50;
-
 /// Largest number of n that fit beside the names.
 const MAX_N_COLUMNS: usize = 13;
-
-/// The n to show in detail: 50 where the run has it, else the middle one; `None` without rows.
-pub fn detail_n(results: &SuiteResults) -> Option<u32> {
-    let all = results.all_n();
-    all.contains(&DETAIL_N)
-        .then_some(DETAIL_N)
-        .or_else(|| all.get(all.len() / 2).copied())
-}
 
 /// A count with few digits: `987`, `12.3k`, `4.5M`.
 pub(crate) fn short_count(count: f64) -> String {
@@ -99,7 +86,7 @@ pub fn render(results: &SuiteResults, n: Option<u32>) -> String {
     for note in &results.notes {
         let _ = writeln!(text, "  {:<11}{note}", "Note");
     }
-    let Some(n) = n.or_else(|| detail_n(results)) else {
+    let Some(n) = n.or_else(|| results.detail_n()) else {
         text.push_str("\nNo rows.\n");
         return text;
     };
@@ -314,7 +301,7 @@ fn for_each_variant(
     mut cells: impl FnMut(&mut String, &Variant),
 ) {
     let default = results.default_variant();
-    for (preset, score, variants) in grouped(results) {
+    for (preset, score, variants) in results.grouped() {
         let _ = writeln!(text, "preset {preset}, score {score}");
         for variant in variants {
             let mark = if Some(&variant) == default.as_ref() {
@@ -328,21 +315,6 @@ fn for_each_variant(
             text.push('\n');
         }
     }
-}
-
-/// Variants by preset and score, each in the order of the first row.
-pub(crate) fn grouped(results: &SuiteResults) -> Vec<(String, String, Vec<Variant>)> {
-    let mut groups: Vec<(String, String, Vec<Variant>)> = Vec::new();
-    for variant in results.variants() {
-        let same = groups
-            .iter_mut()
-            .find(|(preset, score, _)| *preset == variant.preset && *score == variant.score);
-        match same {
-            Some((_, _, variants)) => variants.push(variant),
-            None => groups.push((variant.preset.clone(), variant.score.clone(), vec![variant])),
-        }
-    }
-    groups
 }
 
 /// Method, model and order.

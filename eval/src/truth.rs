@@ -15,7 +15,7 @@ use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
 use chronotope::visibility::{BitRow, HistoryLog, VisibilityConfig, Visits, fit};
 use rayon::prelude::*;
 
-use crate::metrics::Sample;
+use crate::judge::statistics::Sample;
 use crate::results::VisibilityError;
 
 /// What is compared: its name, and the model in TOML.

@@ -3,9 +3,8 @@
 use super::html::{Esc, put};
 use super::plot::{Point, Scale, Series, SharePlot, nice_axis};
 use super::sections::{headline, label};
-use crate::judgement::Judgement;
+use crate::results::Judgement;
 use crate::results::SuiteResults;
-use crate::table::detail_n;
 
 /// Colours of the style sheet, one for each score.
 const COLOURS: [(&str, usize); 3] = [("likelihood", 1), ("inliers", 3), ("count", 4)];
@@ -16,7 +15,7 @@ const DIAGONAL: [(f64, f64); 2] = [(0.0, 0.0), (100.0, 100.0)];
 /// Reliability, precision-recall, decisions; empty where nothing was judged.
 pub(super) fn section(results: &SuiteResults) -> String {
     let mut html = String::new();
-    let Some((main, n)) = headline(results).zip(detail_n(results)) else {
+    let Some((main, n)) = headline(results).zip(results.detail_n()) else {
         return html;
     };
     // One line per score of the configuration that the report is about.
@@ -218,7 +217,7 @@ fn precision_recall(shown: &[&Judgement], main: &str) -> String {
 /// Located natives over accepted foreigners, or over wrongly located natives where nobody is foreign.
 fn risks(shown: &[&Judgement], main: &str) -> String {
     let has_foreign = shown.iter().any(|it| it.foreign.is_some());
-    let bad = |at: &crate::judgement::AtRisk| at.accepted.unwrap_or(at.located_wrong);
+    let bad = |at: &crate::results::AtRisk| at.accepted.unwrap_or(at.located_wrong);
     let what = if has_foreign {
         "foreign queries accepted"
     } else {
@@ -267,7 +266,7 @@ fn risks(shown: &[&Judgement], main: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::judgement::judge_all;
+    use crate::judge::judge_all;
     use crate::sample::sample_results;
 
     #[test]

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use super::html::{Esc, Words, put, signed};
 use super::plot::{Point, Scale, Series, SharePlot};
-use crate::metrics::{Confusion, PairedDifference};
+use crate::judge::rates::{Confusion, PairedDifference};
 use crate::results::{Order, Row, SuiteResults, Variant};
-use crate::table::{detail_n, grouped, header_lines, short_count, short_ms};
+use crate::table::{header_lines, short_count, short_ms};
 
 /// More places than this make a matrix that nobody reads: the most frequent confusions are listed.
 const MAX_MATRIX_PLACES: usize = 24;
@@ -90,7 +90,7 @@ pub(super) fn head(results: &SuiteResults) -> String {
             .num_places
             .map_or_else(String::new, |num| format!(", {num} places"))
     );
-    let headline = headline(results).zip(detail_n(results));
+    let headline = headline(results).zip(results.detail_n());
     if let Some((variant, n)) = &headline
         && let Some(row) = results.row(&variant.at(*n))
     {
@@ -322,10 +322,10 @@ fn words(results: &SuiteResults) -> String {
 
 fn error_plots(results: &SuiteResults, along: Along) -> String {
     let mut html = String::new();
-    let Some((headline, n)) = headline(results).zip(detail_n(results)) else {
+    let Some((headline, n)) = headline(results).zip(results.detail_n()) else {
         return html;
     };
-    let mut groups = grouped(results);
+    let mut groups = results.grouped();
     // A stable sort: the headline's group moves to the front.
     groups.sort_by_key(|(preset, score, _)| *preset != headline.preset || *score != headline.score);
     for (index, (preset, score, variants)) in groups.iter().enumerate() {
@@ -473,7 +473,7 @@ fn short_power(count: f64) -> String {
 /// Every row, one n at a time, with intervals and the paired difference to the baseline.
 pub(super) fn summary(results: &SuiteResults) -> String {
     let mut html = String::new();
-    let Some(shown) = detail_n(results) else {
+    let Some(shown) = results.detail_n() else {
         return html;
     };
     put!(
@@ -811,7 +811,7 @@ fn latency(html: &mut String, results: &SuiteResults) {
 /// Who is mistaken for whom, of the headline's row.
 pub(super) fn confusion(results: &SuiteResults) -> String {
     let mut html = String::new();
-    let Some((variant, n)) = headline(results).zip(detail_n(results)) else {
+    let Some((variant, n)) = headline(results).zip(results.detail_n()) else {
         return html;
     };
     let confusion = Confusion::of(&results.queries, &variant.at(n));

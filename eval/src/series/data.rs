@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail, ensure};
 use chronotope::{Period, Time};
 use sha2::{Digest, Sha256};
 
-use crate::run::hex;
+use crate::provenance::hex;
 use crate::suite::Form;
 
 /// When, and whether the state was 1.

@@ -18,9 +18,10 @@ use chronotope::{Period, Time};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::metrics::{Estimate, Sample};
+use crate::judge::statistics::{Estimate, Sample};
+use crate::provenance::{commit, machine};
 use crate::results::{Order, write_atomically};
-use crate::run::{RunOptions, commit, machine};
+use crate::run::RunOptions;
 use crate::suite::{Protocol, Suite};
 use data::{Material, Series, State};
 use models::{BASELINE, DEFAULT, Forecast, Instant, LITERAL, forecasts};
@@ -343,7 +344,7 @@ fn judge(suite: &Suite, material: &Material, share: f64) -> Result<SeriesResults
             })
         })
         .collect();
-    let bar = crate::run::progress(tasks.len(), "series");
+    let bar = crate::progress::progress(tasks.len(), "series");
     // Collected in the order of tasks, whoever finishes first.
     let scores: Vec<Vec<Score>> = (tasks.par_iter())
         .map(|&(sampling, series, draw)| {

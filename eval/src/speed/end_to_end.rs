@@ -86,7 +86,7 @@ pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measu
     let right = (exact.first.iter().zip(material.query_places.iter().cycle()))
         .filter(|(first, place)| first.map(|id| material.place_of(id.0 as usize)) == Some(**place));
     let share = 100.0 * right.count() as f64 / exact.first.len() as f64;
-    let rate = num_pairs as f64 * 1e3 / crate::metrics::p50_p99(&match_ms).0;
+    let rate = num_pairs as f64 * 1e3 / crate::judge::statistics::p50_p99(&match_ms).0;
     let mut rows = vec![
         row("fit and calibrate, once", &[fit_ms]).note(format!("{num_features} features{memory}")),
         row("predict, once a bucket", &predict_ms).note("10 minutes are a bucket"),
@@ -105,7 +105,7 @@ pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measu
         let counting = cfg.clone().with_score(Score::Count).with_calibrated(false);
         let counting = Localizer::new(Arc::clone(&snapshot), counting)?;
         let counted = Asked::of(&counting, material, time)?;
-        let p50 = |ms: &[f64]| crate::metrics::p50_p99(ms).0;
+        let p50 = |ms: &[f64]| crate::judge::statistics::p50_p99(ms).0;
         let more = 100.0 * (p50(&exact.whole) / p50(&counted.whole) - 1.0);
         rows.push(row("whole, plain count", &counted.whole).note(format!(
             "the likelihood takes {more:+.0} % more at the median"

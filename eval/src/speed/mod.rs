@@ -35,9 +35,9 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
-use crate::metrics::quantile;
+use crate::judge::statistics::quantile;
+use crate::provenance::{commit, machine};
 use crate::results::write_atomically;
-use crate::run::{commit, machine};
 
 pub use material::Material;
 pub use rivals::Python;

@@ -7,8 +7,9 @@
 
 use std::collections::BTreeMap;
 
-use chronotope_eval::judgement::judge_all;
-use chronotope_eval::metrics::{Sample, Tally};
+use chronotope_eval::judge::judge_all;
+use chronotope_eval::judge::rates::Tally;
+use chronotope_eval::judge::statistics::Sample;
 use chronotope_eval::results::{
     Answer, Decision, ELSEWHERE, LeakCheck, Query, Reobservation, RowKey, StageLatency,
     SuiteResults,

@@ -12,7 +12,7 @@ use std::fmt;
 use chronotope::localize::{LocalizerConfig, Method, Preset, Score};
 use chronotope::{Error, ErrorKind, Result};
 
-use crate::metrics::PairedDifference;
+use super::rates::PairedDifference;
 use crate::results::{Row, SuiteResults, Variant};
 
 /// The suites that are pooled.
@@ -299,7 +299,7 @@ impl fmt::Display for Pooled {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::Tally;
+    use crate::judge::rates::Tally;
     use crate::results::{Answer, Decision, Query};
     use std::collections::BTreeMap;
 

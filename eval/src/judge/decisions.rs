@@ -7,10 +7,9 @@
 
 use chronotope::localize::Decision as Rule;
 use chronotope::map::NodeId;
-use serde::{Deserialize, Serialize};
 
-use super::{Claim, Judged, Measured, rate};
-use crate::results::Decision;
+use super::judged::{Claim, Judged, rate};
+use crate::results::{AtRisk, Decision, Decisions, Outcome};
 
 /// The risks of the curve.
 const RISKS: [f64; 14] = [
@@ -20,73 +19,35 @@ const RISKS: [f64; 14] = [
 /// Probabilities are written to about four digits, those near one half to half of this.
 const ROUNDING: f64 = 5e-5;
 
-/// One kind of decision.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Outcome {
-    /// How many of all queries.
-    pub share: Measured,
-    /// How many of all queries are decided so and have a wrong first choice.
-    pub wrong: f64,
-}
-
-/// What is decided at one risk.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Decisions {
-    /// The allowed probability of being wrong.
-    pub risk: f64,
-    /// At a place.
-    pub located: Outcome,
-    /// In the map, but at one of several places.
-    pub ambiguous: Outcome,
-    /// Nothing is said.
-    pub unknown: Outcome,
-}
-
-impl Decisions {
-    /// Of `judged`; with `has_own` their stored decisions count, else they are taken here.
-    pub(super) fn of(judged: &[Judged<'_>], risk: f64, has_own: bool) -> Self {
-        let decide = |it: &Judged<'_>| -> Rule {
-            // Which place it is does not matter here.
-            let place = NodeId(0);
-            match it.answer.decision {
-                _ if !has_own => Rule::by_risk(place, it.claim.confidence, it.elsewhere(), risk),
-                Decision::At(_) => Rule::At(place),
-                Decision::Ambiguous => Rule::Ambiguous,
-                Decision::Unknown => Rule::Unknown,
-            }
-        };
-        let outcome = |wanted: Rule| {
-            let is_so = |it: &Judged<'_>| f64::from(decide(it) == wanted);
-            Outcome {
-                share: rate(judged, is_so),
-                wrong: rate(judged, |it| is_so(it) * (1.0 - it.claim.right)).value,
-            }
-        };
-        Self {
-            risk,
-            located: outcome(Rule::At(NodeId(0))),
-            ambiguous: outcome(Rule::Ambiguous),
-            unknown: outcome(Rule::Unknown),
+/// What is decided about `judged`; with `has_own` their stored decisions count, else they are taken here.
+pub(super) fn decisions(judged: &[Judged<'_>], risk: f64, has_own: bool) -> Decisions {
+    let decide = |it: &Judged<'_>| -> Rule {
+        // Which place it is does not matter here.
+        let place = NodeId(0);
+        match it.answer.decision {
+            _ if !has_own => Rule::by_risk(place, it.claim.confidence, it.elsewhere(), risk),
+            Decision::At(_) => Rule::At(place),
+            Decision::Ambiguous => Rule::Ambiguous,
+            Decision::Unknown => Rule::Unknown,
         }
+    };
+    let outcome = |wanted: Rule| {
+        let is_so = |it: &Judged<'_>| f64::from(decide(it) == wanted);
+        Outcome {
+            share: rate(judged, is_so),
+            wrong: rate(judged, |it| is_so(it) * (1.0 - it.claim.right)).value,
+        }
+    };
+    Decisions {
+        risk,
+        located: outcome(Rule::At(NodeId(0))),
+        ambiguous: outcome(Rule::Ambiguous),
+        unknown: outcome(Rule::Unknown),
     }
 }
 
-/// What one risk gives.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct AtRisk {
-    /// The allowed probability of being wrong.
-    pub risk: f64,
-    /// Native queries that are located.
-    pub located: f64,
-    /// Native queries that are located at the wrong place.
-    pub located_wrong: f64,
-    /// Foreign queries that are located; none without foreign queries.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub accepted: Option<f64>,
-}
-
 /// The curve of false accepts against located queries over risks, ascending.
-pub fn at_risks(native: &[Claim<'_>], foreign: &[Claim<'_>]) -> Vec<AtRisk> {
+pub(super) fn at_risks(native: &[Claim<'_>], foreign: &[Claim<'_>]) -> Vec<AtRisk> {
     let share = |claims: &[Claim<'_>], risk: f64, value: fn(&Claim<'_>) -> f64| {
         let located = (claims.iter()).filter(|claim| 1.0 - claim.confidence <= risk + ROUNDING);
         located.map(value).fold(0.0, |sum, value| sum + value) / claims.len().max(1) as f64
@@ -157,7 +118,7 @@ mod tests {
             .filter_map(|query| Judged::of(query, "default/static/mean/count/0/50"))
             .collect();
         let shares = |has_own| {
-            let all = Decisions::of(&judged, 0.1, has_own);
+            let all = decisions(&judged, 0.1, has_own);
             [all.located, all.ambiguous, all.unknown].map(|it| (it.share.value, it.wrong))
         };
         assert_eq!(shares(false), [(0.25, 0.25), (0.25, 0.25), (0.5, 0.5)]);

@@ -2,14 +2,14 @@
 //!
 //! Rows are paired by key, queries by id. What only one side has is listed and left out, never
 //! averaged in. The difference is B minus A in points of wrong answers, with the paired bootstrap
-//! interval of [`metrics`](crate::metrics); negative means that B is better.
+//! interval of [`statistics`](super::statistics); negative means that B is better.
 
 use std::collections::BTreeMap;
 use std::fmt;
 
 use chronotope::{Error, ErrorKind, Result};
 
-use crate::metrics::PairedDifference;
+use super::rates::PairedDifference;
 use crate::results::{Query, RowKey, SuiteResults, Variant};
 
 /// One key that both runs have.
@@ -199,7 +199,7 @@ fn verdict(difference: &PairedDifference) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::Tally;
+    use crate::judge::rates::Tally;
     use crate::results::{Answer, Decision};
 
     /// Queries 0.. answered right where `right` says so.

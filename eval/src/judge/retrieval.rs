@@ -6,60 +6,14 @@
 //! `sum_i (R_i - R_{i-1}) P_i` over falling c; R@100P is the largest recall that comes without any
 //! mistake.
 
-use std::collections::BTreeMap;
-
-use serde::{Deserialize, Serialize};
-
-use super::reliability::Claim;
-use crate::results::ELSEWHERE;
+use super::judged::Claim;
+use crate::results::{PrecisionRecall, Retrieval};
 
 /// Points of a stored curve, about.
 const MAX_POINTS: usize = 40;
 
-/// One point of precision over recall.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PrecisionRecall {
-    /// What a first choice must have to be accepted.
-    pub least_confidence: f64,
-    /// Right ones among the accepted.
-    pub precision: f64,
-    /// Accepted and right ones among those that have a true place.
-    pub recall: f64,
-}
-
-/// How far the posterior can be trusted.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Retrieval {
-    /// Area under precision over recall.
-    pub average_precision: f64,
-    /// The largest recall without a mistake.
-    pub recall_at_full_precision: f64,
-    /// Falling confidence, thinned.
-    pub curve: Vec<PrecisionRecall>,
-}
-
-/// The most probable place with its probability; `right` is the share of the truth in a tie of first
-/// places (a foreign query, without truth, is never right).
-pub fn first_choice(posterior: &BTreeMap<String, f64>, truth: Option<&str>) -> (f64, f64) {
-    let places = || posterior.iter().filter(|(place, _)| *place != ELSEWHERE);
-    let confidence = places().map(|(_, &p)| p).fold(0.0, f64::max);
-    (confidence, recall_at(posterior, truth, 1))
-}
-
-/// Whether the truth is among the `k` most probable places; the expected value where places tie for
-/// the last rank. A place whose probability was too small to be written is not among them.
-pub fn recall_at(posterior: &BTreeMap<String, f64>, truth: Option<&str>, k: usize) -> f64 {
-    let Some(&p) = truth.and_then(|truth| posterior.get(truth)) else {
-        return 0.0;
-    };
-    let others = || posterior.iter().filter(|(place, _)| *place != ELSEWHERE);
-    let above = others().filter(|&(_, &other)| other > p).count();
-    let equal = others().filter(|&(_, &other)| other == p).count();
-    (k.saturating_sub(above) as f64 / equal as f64).min(1.0)
-}
-
 /// Precision and recall of `claims`, of which `num_native` (by weight) have a true place.
-pub fn retrieval(claims: &[Claim<'_>], num_native: f64) -> Retrieval {
+pub(super) fn retrieval(claims: &[Claim<'_>], num_native: f64) -> Retrieval {
     let mut sorted = claims.to_vec();
     sorted.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
     let (mut accepted, mut right) = (0.0, 0.0);
@@ -114,10 +68,6 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn posterior(shares: &[(&str, f64)]) -> BTreeMap<String, f64> {
-        shares.iter().map(|&(k, p)| (k.to_owned(), p)).collect()
-    }
-
     fn claim(confidence: f64, right: bool) -> Claim<'static> {
         Claim {
             group: None,
@@ -125,24 +75,6 @@ mod tests {
             right: f64::from(right),
             weight: 1.0,
         }
-    }
-
-    #[test]
-    fn recall_counts_ranks_splits_ties_and_never_ranks_elsewhere() {
-        let shares = posterior(&[("a", 0.1), ("b", 0.3), ("c", 0.1), (ELSEWHERE, 0.5)]);
-        let at = |truth, k| recall_at(&shares, truth, k);
-        assert_eq!([at(Some("b"), 1), at(Some("b"), 5)], [1.0, 1.0]);
-        assert_eq!(
-            [at(Some("a"), 1), at(Some("a"), 2), at(Some("a"), 3)],
-            [0.0, 0.5, 1.0]
-        );
-        assert_eq!([at(Some("unlisted"), 5), at(None, 5)], [0.0, 0.0]);
-        assert_eq!(first_choice(&shares, Some("b")), (0.3, 1.0));
-        assert_eq!(first_choice(&shares, None), (0.3, 0.0));
-        assert_eq!(
-            first_choice(&posterior(&[(ELSEWHERE, 1.0)]), Some("a")),
-            (0.0, 0.0)
-        );
     }
 
     #[test]

@@ -12,37 +12,12 @@
 
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Serialize};
-
-use super::Measured;
-use crate::metrics::{NUM_RESAMPLES, SplitMix64, interval_of_draws};
+use super::judged::Claim;
+use super::statistics::{Estimate, NUM_RESAMPLES, SplitMix64, interval_of_draws};
+use crate::results::{Bin, Measured};
 
 /// Bins of equal mass.
-pub const NUM_BINS: usize = 15;
-
-/// An answer with a confidence.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Claim<'a> {
-    /// Queries of one group are alike.
-    pub group: Option<&'a str>,
-    /// The probability that the answer claims for itself.
-    pub confidence: f64,
-    /// 1 if it is right, 0 if not, a share where a tie was split.
-    pub right: f64,
-    /// How often such a query comes.
-    pub weight: f64,
-}
-
-/// Answers of about the same confidence.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Bin {
-    /// Share of all answers.
-    pub mass: f64,
-    /// Their mean confidence.
-    pub confidence: f64,
-    /// The share of them that is right.
-    pub right: f64,
-}
+const NUM_BINS: usize = 15;
 
 /// The claims in atoms of equal confidence, ascending.
 struct Atoms {
@@ -129,14 +104,14 @@ fn error_of(bins: &[Bin]) -> f64 {
 }
 
 /// The bins of a reliability diagram, ascending in confidence; none without claims.
-pub fn bins(claims: &[Claim<'_>]) -> Vec<Bin> {
+pub(super) fn bins(claims: &[Claim<'_>]) -> Vec<Bin> {
     let atoms = Atoms::of(claims);
     atoms.bins(claims, &vec![1.0; atoms.num_groups])
 }
 
 /// The expected calibration error with its interval: whole groups are drawn, as in
-/// [`metrics`](crate::metrics), and binned anew.
-pub fn expected_error(claims: &[Claim<'_>]) -> Measured {
+/// [`statistics`](super::statistics), and binned anew.
+pub(super) fn expected_error(claims: &[Claim<'_>]) -> Measured {
     let atoms = Atoms::of(claims);
     let mut times = vec![1.0; atoms.num_groups];
     let value = error_of(&atoms.bins(claims, &times));
@@ -150,20 +125,11 @@ pub fn expected_error(claims: &[Claim<'_>]) -> Measured {
             error_of(&atoms.bins(claims, &times))
         })
         .collect();
-    Measured::new(value, interval_of_draws(draws, value))
-}
-
-#[cfg(test)]
-impl Claim<'static> {
-    /// One of no group.
-    pub(super) fn alone(confidence: f64, right: f64) -> Self {
-        Self {
-            group: None,
-            confidence,
-            right,
-            weight: 1.0,
-        }
-    }
+    let estimate = Estimate {
+        mean: value,
+        interval: interval_of_draws(draws, value),
+    };
+    estimate.into()
 }
 
 #[cfg(test)]

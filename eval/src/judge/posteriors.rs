@@ -10,23 +10,20 @@
 //!   queries alone the right posterior is less sure than it is right, on foreign ones it is too sure.
 //!
 //! Everything here lies in 0..=1 (Brier score 0..=2, log loss in nats), with 95 % intervals from the
-//! bootstrap of [`metrics`](crate::metrics), whole groups drawn.
-
-mod decisions;
-mod reliability;
-mod retrieval;
-mod scoring;
+//! bootstrap of [`statistics`](super::statistics), whole groups drawn.
 
 use chronotope::localize::LocalizerConfig;
-use serde::{Deserialize, Serialize};
 
-pub use decisions::{AtRisk, Decisions, Outcome, at_risks};
-pub use reliability::{Bin, Claim, NUM_BINS, bins, expected_error};
-pub use retrieval::{PrecisionRecall, Retrieval, first_choice, recall_at, retrieval};
-pub use scoring::{LEAST, brier, log_loss};
-
-use crate::metrics::{Estimate, Interval, Sample};
-use crate::results::{Order, Query, Row, RowKey, SuiteResults, Variant};
+use super::decisions::{at_risks, decisions};
+use super::judged::{Claim, Judged, claims, rate, weighted};
+use super::reliability::{bins, expected_error};
+use super::retrieval::retrieval;
+use super::scoring::recall_at;
+use super::statistics::Sample;
+use crate::results::{
+    Against, Calibration, Foreign, Judgement, Measured, Mixed, Native, Query, Row, RowKey,
+    SuiteResults, Variant,
+};
 
 /// The n that are judged, where a run has them.
 const JUDGED_N: [u32; 3] = [30, 50, 100];
@@ -36,201 +33,6 @@ const PLAIN_SCORES: [&str; 2] = ["inliers", "count"];
 
 /// The score whose decisions are taken by risk while localising.
 const DECIDING_SCORE: &str = "likelihood";
-
-/// A number with its 95 % interval.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Measured {
-    /// The number.
-    pub value: f64,
-    /// Lower end.
-    pub ci_low: f64,
-    /// Upper end.
-    pub ci_high: f64,
-}
-
-impl Measured {
-    /// A number and its interval.
-    pub fn new(value: f64, interval: Interval) -> Self {
-        Self {
-            value,
-            ci_low: interval.low,
-            ci_high: interval.high,
-        }
-    }
-
-    fn is_finite(&self) -> bool {
-        [self.value, self.ci_low, self.ci_high]
-            .iter()
-            .all(|number| number.is_finite())
-    }
-}
-
-impl From<Estimate> for Measured {
-    fn from(estimate: Estimate) -> Self {
-        Self::new(estimate.mean, estimate.interval)
-    }
-}
-
-/// Whether probabilities are what they say.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Calibration {
-    /// Expected calibration error of the first choice's probability.
-    pub expected_error: Measured,
-    /// Brier score over the places and elsewhere.
-    pub brier: Measured,
-    /// Log loss, nats.
-    pub log_loss: Measured,
-    /// The reliability diagram.
-    pub bins: Vec<Bin>,
-}
-
-/// What became of queries whose place is in the map.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Native {
-    /// Number of queries.
-    pub queries: u32,
-    /// The true place is the most probable one.
-    pub recall_at_1: Measured,
-    /// It is among the five most probable ones.
-    pub recall_at_5: Measured,
-    /// Precision and recall over the posterior of the first choice.
-    pub retrieval: Retrieval,
-    /// Located, ambiguous, unknown.
-    pub decisions: Decisions,
-    /// Of the posterior.
-    pub calibration: Calibration,
-}
-
-/// What became of queries whose place is not in the map.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Foreign {
-    /// Number of queries.
-    pub queries: u32,
-    /// Located all the same (false-accept rate), ambiguous, unknown.
-    pub decisions: Decisions,
-    /// Of the posterior.
-    pub calibration: Calibration,
-}
-
-/// Native and foreign queries together.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Mixed {
-    /// The share that foreign queries are weighted to.
-    pub elsewhere: f64,
-    /// Of the posterior.
-    pub calibration: Calibration,
-    /// Accepting a foreign query is a mistake.
-    pub retrieval: Retrieval,
-}
-
-/// The paired difference to another score on the same queries: negative is better than the other.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Against {
-    /// The other score, tempered in the same way.
-    pub score: String,
-    /// Difference of Brier scores.
-    pub brier: Measured,
-    /// Difference of log losses, nats.
-    pub log_loss: Measured,
-}
-
-/// What a row's posteriors and decisions are worth.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Judgement {
-    /// Whether the shipped default configuration gives this row.
-    pub is_default: bool,
-    /// Configuration.
-    pub preset: String,
-    /// Method.
-    pub method: String,
-    /// Visibility model.
-    pub model: String,
-    /// Score.
-    pub score: String,
-    /// Components of the model.
-    pub order: Order,
-    /// Features per node.
-    pub n: u32,
-    /// The dataset that the queries are of, in a suite of several; none for all of them.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub part: Option<String>,
-    /// Queries with a true place.
-    pub native: Native,
-    /// Queries without one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub foreign: Option<Foreign>,
-    /// Both.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub mixed: Option<Mixed>,
-    /// What other risks would give.
-    pub risks: Vec<AtRisk>,
-    /// Only for the score `likelihood`: on mixed queries where there are foreign ones, else on native ones.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub against: Vec<Against>,
-}
-
-/// One query with the posterior of one row.
-#[derive(Clone, Copy, Debug)]
-struct Judged<'r> {
-    query: &'r Query,
-    answer: &'r crate::results::Answer,
-    claim: Claim<'r>,
-}
-
-impl<'r> Judged<'r> {
-    fn of(query: &'r Query, key: &str) -> Option<Self> {
-        let answer = query.answers.get(key)?;
-        if answer.posterior.is_empty() {
-            return None;
-        }
-        let (confidence, right) = first_choice(&answer.posterior, query.truth.as_deref());
-        let claim = Claim {
-            group: query.group.as_deref(),
-            confidence,
-            right,
-            weight: 1.0,
-        };
-        Some(Self {
-            query,
-            answer,
-            claim,
-        })
-    }
-
-    fn truth(&self) -> Option<&'r str> {
-        self.query.truth.as_deref()
-    }
-
-    fn brier(&self) -> f64 {
-        brier(&self.answer.posterior, self.truth())
-    }
-
-    fn log_loss(&self) -> f64 {
-        log_loss(&self.answer.posterior, self.truth())
-    }
-
-    fn elsewhere(&self) -> f64 {
-        let p = self.answer.posterior.get(crate::results::ELSEWHERE);
-        p.copied().unwrap_or(0.0)
-    }
-}
-
-fn weighted<'r>(judged: &[Judged<'r>], value: impl Fn(&Judged<'r>) -> f64) -> Measured {
-    let values = judged.iter();
-    Sample::weighted(values.map(|it| (it.claim.group, value(it), it.claim.weight)))
-        .estimate()
-        .into()
-}
-
-fn rate<'r>(judged: &[Judged<'r>], value: impl Fn(&Judged<'r>) -> f64) -> Measured {
-    Sample::grouped(judged.iter().map(|it| (it.claim.group, value(it))))
-        .rate()
-        .into()
-}
-
-fn claims<'r>(judged: &[Judged<'r>]) -> Vec<Claim<'r>> {
-    judged.iter().map(|it| it.claim).collect()
-}
 
 fn calibration(judged: &[Judged<'_>]) -> Calibration {
     let claims = claims(judged);
@@ -303,12 +105,12 @@ fn judge(
             recall_at_1: rate(&native, |it| it.claim.right),
             recall_at_5: rate(&native, |it| recall_at(&it.answer.posterior, it.truth(), 5)),
             retrieval: retrieval(&claims(&native), native.len() as f64),
-            decisions: Decisions::of(&native, cfg.risk(), decides),
+            decisions: decisions(&native, cfg.risk(), decides),
             calibration: calibration(&native),
         },
         foreign: (!foreign.is_empty()).then(|| Foreign {
             queries: foreign.len() as u32,
-            decisions: Decisions::of(&foreign, cfg.risk(), decides),
+            decisions: decisions(&foreign, cfg.risk(), decides),
             calibration: calibration(&foreign),
         }),
         mixed: mixed.map(|mixed| {
@@ -377,11 +179,11 @@ pub fn judge_all(results: &SuiteResults, parts: &[String]) -> Vec<Judgement> {
             .map(|part| (Some(part.as_str()), of_part(part))),
     );
     let default = results.default_variant().map(|variant| variant.method);
-    let judged_n = |n: u32| JUDGED_N.contains(&n) || Some(n) == crate::table::detail_n(results);
+    let judged_n = |n: u32| JUDGED_N.contains(&n) || Some(n) == results.detail_n();
     let is_judged = |row: &&Row| judged_n(row.n);
     let mut judgements = Vec::new();
     for (part, queries) in sets {
-        for (_, _, variants) in crate::table::grouped(results) {
+        for (_, _, variants) in results.grouped() {
             for variant in variants {
                 if part.is_some() && Some(&variant.method) != default.as_ref() {
                     continue;
@@ -395,45 +197,6 @@ pub fn judge_all(results: &SuiteResults, parts: &[String]) -> Vec<Judgement> {
         }
     }
     judgements
-}
-
-impl Judgement {
-    /// All names but n.
-    pub fn variant(&self) -> Variant {
-        Variant {
-            preset: self.preset.clone(),
-            method: self.method.clone(),
-            model: self.model.clone(),
-            score: self.score.clone(),
-            order: self.order,
-        }
-    }
-
-    /// The calibration on what a posterior is about: the mixture where it is known, else native queries.
-    pub fn calibration(&self) -> &Calibration {
-        (self.mixed.as_ref()).map_or(&self.native.calibration, |mixed| &mixed.calibration)
-    }
-
-    /// Precision and recall, with foreign queries where there are some.
-    pub fn retrieval(&self) -> &Retrieval {
-        (self.mixed.as_ref()).map_or(&self.native.retrieval, |mixed| &mixed.retrieval)
-    }
-
-    /// Whether JSON can hold every number.
-    pub(crate) fn is_finite(&self) -> bool {
-        let calibrations = [Some(&self.native.calibration)]
-            .into_iter()
-            .chain([self.foreign.as_ref().map(|it| &it.calibration)])
-            .chain([self.mixed.as_ref().map(|it| &it.calibration)])
-            .flatten();
-        let losses = self.against.iter().flat_map(|it| [it.brier, it.log_loss]);
-        calibrations
-            .flat_map(|it| [it.expected_error, it.brier, it.log_loss])
-            .chain(losses)
-            .chain([self.native.recall_at_1, self.native.recall_at_5])
-            .all(|measured| measured.is_finite())
-            && self.retrieval().average_precision.is_finite()
-    }
 }
 
 #[cfg(test)]
@@ -482,7 +245,7 @@ mod tests {
         ];
         results.queries.extend(queries);
         for score in ["likelihood", "count"] {
-            let tally = crate::metrics::Tally::of(&results.queries, &key(score), false);
+            let tally = crate::judge::rates::Tally::of(&results.queries, &key(score), false);
             results
                 .rows
                 .push(tally.into_row(&key(score), score == "likelihood"));

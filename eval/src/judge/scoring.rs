@@ -12,10 +12,10 @@ use std::collections::BTreeMap;
 use crate::results::ELSEWHERE;
 
 /// The least probability in a log loss.
-pub const LEAST: f64 = 1e-4;
+const LEAST: f64 = 1e-4;
 
 /// The Brier score of one query; `truth` is none for a place that the map lacks.
-pub fn brier(posterior: &BTreeMap<String, f64>, truth: Option<&str>) -> f64 {
+pub(super) fn brier(posterior: &BTreeMap<String, f64>, truth: Option<&str>) -> f64 {
     let truth = truth.unwrap_or(ELSEWHERE);
     let listed: f64 = (posterior.iter())
         .map(|(place, p)| (p - f64::from(place == truth)).powi(2))
@@ -24,9 +24,29 @@ pub fn brier(posterior: &BTreeMap<String, f64>, truth: Option<&str>) -> f64 {
 }
 
 /// The log loss of one query, in nats.
-pub fn log_loss(posterior: &BTreeMap<String, f64>, truth: Option<&str>) -> f64 {
+pub(super) fn log_loss(posterior: &BTreeMap<String, f64>, truth: Option<&str>) -> f64 {
     let p = posterior.get(truth.unwrap_or(ELSEWHERE)).copied();
     -p.unwrap_or(0.0).clamp(LEAST, 1.0).ln()
+}
+
+/// The most probable place with its probability; `right` is the share of the truth in a tie of first
+/// places (a foreign query, without truth, is never right).
+pub(super) fn first_choice(posterior: &BTreeMap<String, f64>, truth: Option<&str>) -> (f64, f64) {
+    let places = || posterior.iter().filter(|(place, _)| *place != ELSEWHERE);
+    let confidence = places().map(|(_, &p)| p).fold(0.0, f64::max);
+    (confidence, recall_at(posterior, truth, 1))
+}
+
+/// Whether the truth is among the `k` most probable places; the expected value where places tie for
+/// the last rank. A place whose probability was too small to be written is not among them.
+pub(super) fn recall_at(posterior: &BTreeMap<String, f64>, truth: Option<&str>, k: usize) -> f64 {
+    let Some(&p) = truth.and_then(|truth| posterior.get(truth)) else {
+        return 0.0;
+    };
+    let others = || posterior.iter().filter(|(place, _)| *place != ELSEWHERE);
+    let above = others().filter(|&(_, &other)| other > p).count();
+    let equal = others().filter(|&(_, &other)| other == p).count();
+    (k.saturating_sub(above) as f64 / equal as f64).min(1.0)
 }
 
 #[cfg(test)]
@@ -34,12 +54,34 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn shares(listed: &[(&str, f64)]) -> BTreeMap<String, f64> {
+        listed.iter().map(|&(k, p)| (k.to_owned(), p)).collect()
+    }
+
     fn posterior(a: f64, b: f64, elsewhere: f64) -> BTreeMap<String, f64> {
         BTreeMap::from([
             ("a".to_owned(), a),
             ("b".to_owned(), b),
             (ELSEWHERE.to_owned(), elsewhere),
         ])
+    }
+
+    #[test]
+    fn recall_counts_ranks_splits_ties_and_never_ranks_elsewhere() {
+        let listed = shares(&[("a", 0.1), ("b", 0.3), ("c", 0.1), (ELSEWHERE, 0.5)]);
+        let at = |truth, k| recall_at(&listed, truth, k);
+        assert_eq!([at(Some("b"), 1), at(Some("b"), 5)], [1.0, 1.0]);
+        assert_eq!(
+            [at(Some("a"), 1), at(Some("a"), 2), at(Some("a"), 3)],
+            [0.0, 0.5, 1.0]
+        );
+        assert_eq!([at(Some("unlisted"), 5), at(None, 5)], [0.0, 0.0]);
+        assert_eq!(first_choice(&listed, Some("b")), (0.3, 1.0));
+        assert_eq!(first_choice(&listed, None), (0.3, 0.0));
+        assert_eq!(
+            first_choice(&shares(&[(ELSEWHERE, 1.0)]), Some("a")),
+            (0.0, 0.0)
+        );
     }
 
     #[test]

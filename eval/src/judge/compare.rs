@@ -10,12 +10,12 @@ use std::fmt;
 use chronotope::{Error, ErrorKind, Result};
 
 use super::rates::PairedDifference;
-use crate::results::{Query, RowKey, SuiteResults, Variant};
+use crate::results::{Query, RowKey, SuiteResults};
 
 /// One key that both runs have.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ComparedRow {
-    /// The row in both runs, or the row of the first variant.
+    /// The row in both runs.
     pub key: RowKey,
     /// B against A.
     pub difference: PairedDifference,
@@ -24,7 +24,7 @@ pub struct ComparedRow {
 /// Two runs, row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
-    /// What A is: suite and commit, or a variant.
+    /// What A is: suite and commit.
     pub a: String,
     /// What B is.
     pub b: String,
@@ -106,35 +106,6 @@ pub fn compare(a: &SuiteResults, b: &SuiteResults) -> Result<Comparison> {
         only_in_a,
         only_in_b,
         warnings,
-    })
-}
-
-/// Pairs two variants of one run at every n that both have.
-pub fn compare_variants(results: &SuiteResults, a: &Variant, b: &Variant) -> Result<Comparison> {
-    let rows: Vec<ComparedRow> = results
-        .all_n()
-        .into_iter()
-        .filter_map(|n| {
-            let difference = PairedDifference::between(&results.queries, &a.at(n), &b.at(n))?;
-            Some(ComparedRow {
-                key: a.at(n),
-                difference,
-            })
-        })
-        .collect();
-    if rows.is_empty() {
-        return Err(Error::new(
-            ErrorKind::Format,
-            format!("no query has answers of both `{a}` and `{b}`"),
-        ));
-    }
-    Ok(Comparison {
-        a: a.to_string(),
-        b: b.to_string(),
-        rows,
-        only_in_a: Vec::new(),
-        only_in_b: Vec::new(),
-        warnings: Vec::new(),
     })
 }
 
@@ -263,9 +234,5 @@ mod tests {
         let mut b = a.clone();
         b.queries[0].id = "elsewhere".into();
         assert!(compare(&a, &b).is_err());
-        let mut other = a.rows[0].variant();
-        other.method = "static".into();
-        assert!(compare_variants(&a, &a.rows[0].variant(), &other).is_err());
-        assert!(compare_variants(&a, &a.rows[0].variant(), &a.rows[0].variant()).is_ok());
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::statistics::{Estimate, Sample};
-use crate::results::{Decision, Query, Row, RowKey, Variant};
+use crate::results::{Decision, Query, Row, RowKey};
 
 /// What the answers of one row add up to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -176,40 +176,6 @@ impl Confusion {
     }
 }
 
-/// Mean of a variant's wrong % over the given n, and the paired difference to another variant's.
-///
-/// Each query's error is first averaged over n, so that the n of one query are not taken for
-/// independent observations.
-pub fn paired_over_n(
-    queries: &[Query],
-    first: &Variant,
-    second: &Variant,
-    all_n: &[u32],
-) -> Option<PairedDifference> {
-    let keys = |variant: &Variant| -> Vec<String> {
-        all_n.iter().map(|&n| variant.at(n).to_string()).collect()
-    };
-    let (first, second) = (keys(first), keys(second));
-    let mean = |query: &Query, keys: &[String]| -> Option<f64> {
-        let mut sum = 0.0;
-        for key in keys {
-            sum += query.answers.get(key)?.wrong(query.truth.as_deref());
-        }
-        Some(sum / keys.len() as f64)
-    };
-    if all_n.is_empty() {
-        return None;
-    }
-    let native = queries.iter().filter(|query| query.truth.is_some());
-    PairedDifference::of(native.filter_map(|query| {
-        Some((
-            query.group.as_deref(),
-            mean(query, &first)?,
-            mean(query, &second)?,
-        ))
-    }))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -277,10 +243,6 @@ mod tests {
         );
         assert_eq!((pair.first_percent, pair.second_percent), (62.5, 25.0));
         assert_eq!(pair.points.mean, -37.5);
-        let over_n = paired_over_n(&queries(), &first.variant, &second.variant, &[5]).unwrap();
-        assert_eq!(over_n, pair);
-        assert!(paired_over_n(&queries(), &first.variant, &second.variant, &[5, 10]).is_none());
-        assert!(paired_over_n(&queries(), &first.variant, &second.variant, &[]).is_none());
     }
 
     #[test]

@@ -333,20 +333,6 @@ pub fn p50_p99(durations_ms: &[f64]) -> (f64, f64) {
     )
 }
 
-/// Re-observation: of each query's selected features, how many were seen again; in % with interval.
-/// Queries without selected features do not count; `None` if no query counts.
-pub fn reobservation_percent(
-    seen_of_selected: impl IntoIterator<Item = (u32, u32)>,
-) -> Option<Estimate> {
-    let sample = Sample::new(
-        seen_of_selected
-            .into_iter()
-            .filter(|&(_, selected)| selected > 0)
-            .map(|(seen, selected)| f64::from(seen) / f64::from(selected)),
-    );
-    (!sample.is_empty()).then(|| sample.rate().scaled(100.0))
-}
-
 impl From<Estimate> for Measured {
     fn from(estimate: Estimate) -> Self {
         Self {
@@ -451,14 +437,6 @@ mod tests {
         assert_eq!(quantile(&[4.0, 1.0, 2.0, 3.0], 0.5), Some(2.5));
         let (p50, p99) = p50_p99(&(0..=100).map(f64::from).collect::<Vec<_>>());
         assert_eq!((p50, p99), (50.0, 99.0));
-    }
-
-    #[test]
-    fn reobservation_leaves_out_queries_without_features() {
-        assert_eq!(reobservation_percent([(0, 0)]), None);
-        let estimate = reobservation_percent([(5, 10), (0, 0), (10, 10)]).unwrap();
-        assert_eq!(estimate.mean, 75.0);
-        assert!(estimate.interval.contains(75.0));
     }
 
     proptest! {

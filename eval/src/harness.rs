@@ -29,7 +29,7 @@ use crate::exhibit::Exhibit;
 use crate::judge::rates::Tally;
 use crate::judge::statistics::{Sample, p50_p99};
 use crate::material::Material;
-use crate::results::{self, Answer, LeakCheck, Reobservation, SuiteResults};
+use crate::results::{self, Answer, LeakCheck, Reobservation, SuiteResults, Variant};
 use crate::suite::{Arm, Protocol, Run, Suite, shipped};
 
 /// Re-observation is judged on so many of the most likely features (T-RO 2017, table I).
@@ -435,10 +435,10 @@ fn reobservation(variant: &VariantTally) -> Option<Reobservation> {
         .run
         .variant(variant.preset, variant.run.localizer.score());
     Some(Reobservation {
-        preset: name.preset,
-        method: name.method,
-        model: name.model,
-        order: name.order,
+        variant: Variant {
+            score: String::new(),
+            ..name
+        },
         top: TOP as u32,
         percent: percent.mean,
         ci_low: percent.interval.low,

@@ -277,17 +277,25 @@ fn for_each_judged(
 ) {
     let mut heading = None;
     for it in results.judgement.iter().filter(|it| it.n == n) {
-        let at = (it.part.as_deref(), it.preset.as_str(), it.score.as_str());
+        let at = (
+            it.part.as_deref(),
+            it.variant.preset.as_str(),
+            it.variant.score.as_str(),
+        );
         if heading != Some(at) {
             heading = Some(at);
             let part = it
                 .part
                 .as_ref()
                 .map_or_else(String::new, |part| format!("{part}: "));
-            let _ = writeln!(text, "{part}preset {}, score {}", it.preset, it.score);
+            let _ = writeln!(
+                text,
+                "{part}preset {}, score {}",
+                it.variant.preset, it.variant.score
+            );
         }
         let mark = if it.is_default { '*' } else { ' ' };
-        let name = format!("{mark} {}", short_name(&it.variant()));
+        let name = format!("{mark} {}", short_name(&it.variant));
         let _ = write!(text, "{:<NAME_WIDTH$}", clip(&name, NAME_WIDTH - 1));
         cells(text, it);
         text.push('\n');

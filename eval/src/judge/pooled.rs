@@ -92,20 +92,22 @@ fn baseline_of<'r>(
 ) -> Option<&'r Row> {
     let of_method = || {
         let rows = results.rows.iter().filter(|row| row.n == n);
-        rows.filter(|row| row.method == method && row.variant() != *default)
+        rows.filter(|row| row.variant.method == method && row.variant != *default)
     };
     if let Some(preset) = preset {
         // A published recipe has no score of ours.
-        let published = of_method().filter(|row| rows == Rows::Best && row.preset == preset);
-        let stand_ins =
-            of_method().filter(|row| rows == Rows::Best && row.score == Score::Count.name());
+        let published =
+            of_method().filter(|row| rows == Rows::Best && row.variant.preset == preset);
+        let stand_ins = of_method()
+            .filter(|row| rows == Rows::Best && row.variant.score == Score::Count.name());
         let fewest = |a: &&Row, b: &&Row| a.wrong.total_cmp(&b.wrong);
         return published
             .min_by(fewest)
             .or_else(|| stand_ins.min_by(fewest));
     }
     let meant = of_method().filter(|row| {
-        rows == Rows::Best || row.score == default.score && row.preset == default.preset
+        rows == Rows::Best
+            || row.variant.score == default.score && row.variant.preset == default.preset
     });
     meant.min_by(|a, b| a.wrong.total_cmp(&b.wrong))
 }

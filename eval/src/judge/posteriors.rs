@@ -77,14 +77,7 @@ fn judge(
         return None;
     }
     let mixed = (!foreign.is_empty()).then(|| mix(&native, &foreign, cfg.elsewhere()));
-    let Variant {
-        preset,
-        method,
-        model,
-        score,
-        order,
-    } = key.variant.clone();
-    let decides = score == DECIDING_SCORE;
+    let decides = key.variant.score == DECIDING_SCORE;
     Some(Judgement {
         is_default,
         against: if decides {
@@ -92,11 +85,7 @@ fn judge(
         } else {
             Vec::new()
         },
-        preset,
-        method,
-        model,
-        score,
-        order,
+        variant: key.variant.clone(),
         n: key.n,
         part: part.map(str::to_owned),
         risks: at_risks(&claims(&native), &claims(&foreign)),
@@ -188,7 +177,7 @@ pub fn judge_all(results: &SuiteResults, parts: &[String]) -> Vec<Judgement> {
                 if part.is_some() && Some(&variant.method) != default.as_ref() {
                     continue;
                 }
-                let rows = results.rows.iter().filter(|row| row.is_of(&variant));
+                let rows = results.rows.iter().filter(|row| row.variant == variant);
                 judgements.extend(
                     (rows.filter(is_judged))
                         .filter_map(|row| judge(&queries, &row.key(), row.is_default, part)),

@@ -47,14 +47,9 @@ impl Tally {
 
     /// The row with these numbers; what the answers do not tell is left at none and zero.
     pub fn into_row(self, key: &RowKey, is_default: bool) -> Row {
-        let variant = key.variant.clone();
         Row {
             is_default,
-            preset: variant.preset,
-            method: variant.method,
-            model: variant.model,
-            score: variant.score,
-            order: variant.order,
+            variant: key.variant.clone(),
             n: key.n,
             queries: self.queries,
             correct: f64::from(self.queries) - self.wrong,

@@ -21,8 +21,8 @@ pub(super) fn section(results: &SuiteResults) -> String {
     // One line per score of the configuration that the report is about.
     let shown: Vec<&Judgement> = (results.judgement.iter())
         .filter(|it| it.n == n && it.part.is_none())
-        .filter(|it| it.method == main.method && it.model == main.model)
-        .filter(|it| it.preset == main.preset && it.order == main.order)
+        .filter(|it| it.variant.method == main.method && it.variant.model == main.model)
+        .filter(|it| it.variant.preset == main.preset && it.variant.order == main.order)
         .collect();
     if shown.is_empty() {
         return html;
@@ -66,7 +66,7 @@ fn numbers(html: &mut String, shown: &[&Judgement]) {
             "<tr><td>{}</td><td>{:.3}</td><td>{:.3} to {:.3}</td><td>{:.3}</td><td>{:.3}</td>\
              <td>{:.3}</td><td>{:.3}</td><td>{:.3}</td><td>{:.1}</td><td>{:.1}</td><td>{:.1}</td>\
              <td>{:.1}</td><td>{}</td></tr>",
-            Esc(&it.score),
+            Esc(&it.variant.score),
             error.value,
             error.ci_low,
             error.ci_high,
@@ -108,12 +108,12 @@ fn series(
 ) -> Vec<Series> {
     (shown.iter().enumerate())
         .map(|(style, it)| Series {
-            name: it.score.clone(),
+            name: it.variant.score.clone(),
             colour: (COLOURS.iter())
-                .find(|(score, _)| *score == it.score)
+                .find(|(score, _)| *score == it.variant.score)
                 .map_or(0, |(_, colour)| *colour),
             style,
-            is_main: it.score == main,
+            is_main: it.variant.score == main,
             value: value(it),
             points: points(it),
         })

@@ -131,7 +131,7 @@ fn verdict(html: &mut String, results: &SuiteResults, row: &Row, variant: &Varia
          right place for <strong>{} of {}</strong> images",
         row.n,
         Esc(label(variant)),
-        Esc(&row.score),
+        Esc(&row.variant.score),
         trimmed(row.correct),
         row.queries
     );
@@ -404,7 +404,7 @@ fn one_series(
     let mut points: Vec<Point> = results
         .rows
         .iter()
-        .filter(|row| row.is_of(variant))
+        .filter(|row| row.variant == *variant)
         .filter(|row| along == Along::N || row.pairs_compared > 0.0)
         .map(|row| Point {
             x: match along {
@@ -532,7 +532,7 @@ fn summary_row(
     row: &Row,
     (any_tied, may_be_unknown): (bool, bool),
 ) {
-    let variant = row.variant();
+    let variant = &row.variant;
     let class = if row.is_default {
         " class=\"default\""
     } else {
@@ -545,10 +545,10 @@ fn summary_row(
          <td data-v=\"{}\">{:.1}</td>",
         row.n,
         row.ci_high,
-        colour(&row.method),
-        Esc(label(&variant)),
-        Esc(&row.preset),
-        Esc(&row.score),
+        colour(&row.variant.method),
+        Esc(label(variant)),
+        Esc(&row.variant.preset),
+        Esc(&row.variant.score),
         row.n,
         row.n,
         row.wrong_percent(),
@@ -560,7 +560,7 @@ fn summary_row(
          style=\"--lo:{:.1};--v:{:.1};--hi:{:.1}\" role=\"img\" aria-label=\"{}\">\
          <i class=\"w\"></i><i class=\"m\"></i></span>{}</td>",
         row.ci_high,
-        colour(&row.method),
+        colour(&row.variant.method),
         row.ci_low,
         row.wrong_percent(),
         row.ci_high,
@@ -631,8 +631,8 @@ pub(super) fn reobservation(results: &SuiteResults) -> String {
     );
     let mut presets: Vec<(&str, u32)> = Vec::new();
     for entry in &results.reobservation {
-        if !presets.contains(&(entry.preset.as_str(), entry.top)) {
-            presets.push((&entry.preset, entry.top));
+        if !presets.contains(&(entry.variant.preset.as_str(), entry.top)) {
+            presets.push((&entry.variant.preset, entry.top));
         }
     }
     html.push_str("<div class=\"grid\">");
@@ -645,15 +645,8 @@ pub(super) fn reobservation(results: &SuiteResults) -> String {
         let entries = results
             .reobservation
             .iter()
-            .filter(|entry| entry.preset == preset && entry.top == top);
+            .filter(|entry| entry.variant.preset == preset && entry.top == top);
         for entry in entries {
-            let variant = Variant {
-                preset: entry.preset.clone(),
-                method: entry.method.clone(),
-                model: entry.model.clone(),
-                score: String::new(),
-                order: entry.order,
-            };
             put!(
                 html,
                 "<div class=\"bar\"><span class=\"name\">{}</span><span class=\"track c{}\" \
@@ -661,8 +654,8 @@ pub(super) fn reobservation(results: &SuiteResults) -> String {
                  aria-label=\"{:.1} per cent, 95 % interval {:.1} to {:.1}\">\
                  <span class=\"fill\"></span><span class=\"whisker\"></span></span>\
                  <span class=\"num\">{:.1} %</span></div>",
-                Esc(label(&variant)),
-                colour(&entry.method),
+                Esc(label(&entry.variant)),
+                colour(&entry.variant.method),
                 entry.percent,
                 entry.ci_low,
                 entry.ci_high,

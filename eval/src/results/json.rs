@@ -167,7 +167,7 @@ mod tests {
     use super::*;
     use std::collections::BTreeMap;
 
-    use crate::results::{Answer, Decision, Order, Query, Row, RowKey};
+    use crate::results::{Answer, Decision, Query, Reobservation, Row, RowKey, Variant};
 
     fn key() -> RowKey {
         "lttl/fremen/annual/count/1/30".parse().unwrap()
@@ -195,11 +195,7 @@ mod tests {
         }
         results.rows.push(Row {
             is_default: true,
-            preset: "lttl".into(),
-            method: "fremen".into(),
-            model: "annual".into(),
-            score: "count".into(),
-            order: Order::Fixed(1),
+            variant: key().variant,
             n: 30,
             queries: 3,
             correct: 1.5,
@@ -254,6 +250,26 @@ mod tests {
     }
 
     #[test]
+    fn what_all_scores_share_is_written_without_a_score() {
+        let mut results = results();
+        results.reobservation.push(Reobservation {
+            variant: Variant {
+                score: String::new(),
+                ..key().variant
+            },
+            top: 10,
+            percent: 50.0,
+            ci_low: 25.0,
+            ci_high: 75.0,
+        });
+        let bytes = results.to_json().unwrap();
+        assert!(String::from_utf8_lossy(&bytes).contains(
+            r#"{"preset": "lttl", "method": "fremen", "model": "annual", "order": 1, "top": 10, "#
+        ));
+        assert_eq!(SuiteResults::from_json(&bytes).unwrap(), results);
+    }
+
+    #[test]
     fn bad_files_are_named_with_their_fault() {
         let says = |bytes: &[u8]| SuiteResults::from_json(bytes).unwrap_err().to_string();
         assert!(says(b"").contains("EOF"));
@@ -270,6 +286,7 @@ mod tests {
         };
         assert!(says(|r| r.rows[0].ms_p50 = f64::NAN).contains("`ms_p50` is NaN"));
         assert!(says(|r| r.rows.push(r.rows[0].clone())).contains("twice"));
+        assert!(says(|r| r.rows[0].variant.score.clear()).contains("is no key"));
         assert!(says(|r| r.rows[0].correct = 2.0).contains("not the number of queries"));
         assert!(says(|r| r.rows[0].tied = 0).contains("answers give 1.5, 1 and 3"));
         assert!(says(|r| r.queries[1].id = "0.png".into()).contains("twice"));

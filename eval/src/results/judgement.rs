@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::key::{Order, Variant};
+use super::key::Variant;
 
 /// A number with its 95 % interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -162,16 +162,9 @@ pub struct Against {
 pub struct Judgement {
     /// Whether the shipped default configuration gives this row.
     pub is_default: bool,
-    /// Configuration.
-    pub preset: String,
-    /// Method.
-    pub method: String,
-    /// Visibility model.
-    pub model: String,
-    /// Score.
-    pub score: String,
-    /// Components of the model.
-    pub order: Order,
+    /// All names but n.
+    #[serde(flatten)]
+    pub variant: Variant,
     /// Features per node.
     pub n: u32,
     /// The dataset that the queries are of, in a suite of several; none for all of them.
@@ -193,17 +186,6 @@ pub struct Judgement {
 }
 
 impl Judgement {
-    /// All names but n.
-    pub fn variant(&self) -> Variant {
-        Variant {
-            preset: self.preset.clone(),
-            method: self.method.clone(),
-            model: self.model.clone(),
-            score: self.score.clone(),
-            order: self.order,
-        }
-    }
-
     /// The calibration on what a posterior is about: the mixture where it is known, else native queries.
     pub fn calibration(&self) -> &Calibration {
         (self.mixed.as_ref()).map_or(&self.native.calibration, |mixed| &mixed.calibration)

@@ -65,7 +65,7 @@ impl<'de> Deserialize<'de> for Order {
 }
 
 /// Everything that names a row except n: one line of a plot.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Variant {
     /// Configuration, `lttl` or `default`.
     pub preset: String,
@@ -73,7 +73,8 @@ pub struct Variant {
     pub method: String,
     /// Visibility model.
     pub model: String,
-    /// `count`, `inliers` or `likelihood`.
+    /// `count`, `inliers` or `likelihood`; empty for what all scores share.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub score: String,
     /// Components of the model.
     pub order: Order,

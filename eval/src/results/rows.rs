@@ -2,23 +2,16 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::key::{Order, RowKey, Variant};
+use super::key::{RowKey, Variant};
 
 /// The numbers of one row.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// Whether the shipped default configuration gives this row.
     pub is_default: bool,
-    /// Configuration.
-    pub preset: String,
-    /// Method.
-    pub method: String,
-    /// Visibility model.
-    pub model: String,
-    /// Score.
-    pub score: String,
-    /// Components of the model.
-    pub order: Order,
+    /// All names but n.
+    #[serde(flatten)]
+    pub variant: Variant,
     /// Features per node (per experience for the experience methods).
     pub n: u32,
     /// Number of queries that have a true place.
@@ -46,29 +39,9 @@ pub struct Row {
 }
 
 impl Row {
-    /// All names but n.
-    pub fn variant(&self) -> Variant {
-        Variant {
-            preset: self.preset.clone(),
-            method: self.method.clone(),
-            model: self.model.clone(),
-            score: self.score.clone(),
-            order: self.order,
-        }
-    }
-
-    /// Whether this is a row of `variant`.
-    pub fn is_of(&self, variant: &Variant) -> bool {
-        self.order == variant.order
-            && self.method == variant.method
-            && self.model == variant.model
-            && self.score == variant.score
-            && self.preset == variant.preset
-    }
-
     /// The key under which this row's answers are stored.
     pub fn key(&self) -> RowKey {
-        self.variant().at(self.n)
+        self.variant.at(self.n)
     }
 
     /// Wrong answers in per cent; 0 without queries.
@@ -97,14 +70,9 @@ pub struct LeakCheck {
 /// (T-RO, Table I).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Reobservation {
-    /// Configuration.
-    pub preset: String,
-    /// Method.
-    pub method: String,
-    /// Visibility model.
-    pub model: String,
-    /// Components of the model.
-    pub order: Order,
+    /// Its names; the score is empty, because all scores share the features.
+    #[serde(flatten)]
+    pub variant: Variant,
     /// How many features of a place were selected.
     pub top: u32,
     /// Seen again, %, mean over queries.

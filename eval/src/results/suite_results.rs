@@ -103,7 +103,7 @@ impl SuiteResults {
     pub fn row(&self, key: &RowKey) -> Option<&Row> {
         self.rows
             .iter()
-            .find(|row| row.n == key.n && row.is_of(&key.variant))
+            .find(|row| row.n == key.n && row.variant == key.variant)
     }
 
     /// All variants, in the order of their first rows.
@@ -111,7 +111,7 @@ impl SuiteResults {
         let mut known = BTreeSet::new();
         self.rows
             .iter()
-            .map(Row::variant)
+            .map(|row| row.variant.clone())
             .filter(|variant| known.insert(variant.clone()))
             .collect()
     }
@@ -127,7 +127,7 @@ impl SuiteResults {
         self.rows
             .iter()
             .find(|row| row.is_default)
-            .map(Row::variant)
+            .map(|row| row.variant.clone())
     }
 
     /// The n to show in detail: 50 where the run has it, else the middle one; `None` without rows.

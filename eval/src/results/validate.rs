@@ -46,13 +46,15 @@ impl SuiteResults {
             }
         }
         if let Some(judgement) = self.judgement.iter().find(|it| !it.is_finite()) {
-            let place = format!("judgement of `{}`", judgement.variant().at(judgement.n));
+            let place = format!("judgement of `{}`", judgement.variant.at(judgement.n));
             return fail(place, "a number is not finite".into());
         }
         let mut keys = BTreeSet::new();
         for row in &self.rows {
             let key = row.key().to_string();
             let place = || format!("row `{key}`");
+            key.parse::<RowKey>()
+                .map_err(|error| error.with_place(place()))?;
             if !keys.insert(key.clone()) {
                 return fail(place(), "the row is there twice".into());
             }

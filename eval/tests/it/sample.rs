@@ -12,7 +12,7 @@ use chronotope_eval::judge::rates::Tally;
 use chronotope_eval::judge::statistics::Sample;
 use chronotope_eval::results::{
     Answer, Decision, ELSEWHERE, LeakCheck, Query, Reobservation, RowKey, StageLatency,
-    SuiteResults,
+    SuiteResults, Variant,
 };
 
 /// Numbers of features per place of every suite.
@@ -170,10 +170,10 @@ pub(crate) fn sample_results() -> SuiteResults {
         let sample = Sample::new((0..NUM_QUERIES).map(|i| made.reobserved / 100.0 + spread(i)));
         let rate = sample.rate().scaled(100.0);
         results.reobservation.push(Reobservation {
-            preset: variant.preset,
-            method: variant.method,
-            model: variant.model,
-            order: variant.order,
+            variant: Variant {
+                score: String::new(),
+                ..variant
+            },
             top: 10,
             percent: rate.mean,
             ci_low: rate.interval.low,

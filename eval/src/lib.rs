@@ -6,24 +6,19 @@
 //! it as one HTML file. [`series`] does all of this for single states over
 //! time.
 
-pub mod exhibit;
-pub mod harness;
+pub mod data;
 pub mod judge;
-pub mod material;
 pub(crate) mod progress;
 pub mod provenance;
-pub mod replay;
 pub mod report;
 pub mod results;
 pub mod run;
 pub mod series;
-pub mod several;
 pub mod soak;
 pub mod soak_live;
 pub mod speed;
 pub mod suite;
 pub mod table;
-pub mod truth;
 
 // The made-up run is shared by unit and integration tests, which name this crate differently.
 #[cfg(test)]

@@ -9,12 +9,13 @@ use chronotope_eval::judge::compare;
 use chronotope_eval::judge::pooled::{POOLED_SUITES, compare_pooled};
 use chronotope_eval::report::{self, ReportInput};
 use chronotope_eval::results::SuiteResults;
+use chronotope_eval::run::replay;
 use chronotope_eval::run::{RunOptions, run};
 use chronotope_eval::soak::{self, SoakOptions};
 use chronotope_eval::soak_live::{self, LiveOptions};
 use chronotope_eval::speed::{self, SpeedOptions};
 use chronotope_eval::suite::{Protocol, Suite};
-use chronotope_eval::{replay, series, table};
+use chronotope_eval::{series, table};
 use clap::{Parser, Subcommand};
 
 /// Measures how well Chronotope's methods localise, on real and synthetic images.
@@ -296,7 +297,8 @@ fn run_suite(suite: &Suite, options: &RunOptions, n: Option<u32>, replays: &Repl
         eprintln!("wrote {} and {}", json.display(), report.display());
         return Ok(());
     }
-    for (results, pictures) in run(suite, options)? {
+    for suite_run in run(suite, options)? {
+        let (results, pictures) = report::pictures(suite_run)?;
         println!("{}", table::render(&results, n));
         let json = options.out.join(format!("{}.json", results.suite));
         results.write(&json)?;

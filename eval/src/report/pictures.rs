@@ -5,10 +5,12 @@ use jiff::civil::DateTime;
 use jiff::tz::TimeZone;
 use jiff::{Span, Timestamp};
 
+use super::content::{
+    FeatureClass, FeaturePicture, GalleryImage, Mistake, ProbabilityCurve, TimeAxis,
+};
 use super::html::{Esc, Words, data_uri, put};
 use super::plot::path;
 use super::raster::spectrum;
-use super::{FeatureClass, FeaturePicture, GalleryImage, Mistake, ProbabilityCurve, TimeAxis};
 
 /// Widest live image that is embedded.
 const LIVE_WIDTH: u32 = 1_024;

@@ -1,6 +1,6 @@
 //! How do a place's features and the rhythms of one of them look as a whole?
 
-use super::Raster;
+use super::content::Raster;
 use super::html::{Esc, put};
 use super::pictures::time_ticks;
 use super::plot::path;
@@ -203,7 +203,7 @@ fn frequency_ticks(first: f64, last: f64) -> Vec<(f64, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::{RasterRow, TimeAxis};
+    use crate::report::content::{RasterRow, TimeAxis};
 
     fn sample() -> Raster {
         Raster {

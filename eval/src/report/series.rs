@@ -8,8 +8,8 @@ use std::path::Path;
 
 use chronotope::Result;
 
-use super::document;
 use super::html::{Esc, Words, put};
+use super::page::document;
 use super::plot::{Point, Scale, Series, SharePlot, path};
 use crate::results::{Order, write_atomically};
 use crate::series::sampling::Sampling;

@@ -54,7 +54,7 @@ const DEFAULT: &str = "rhythms";
 
 /// Errors of each model over the worlds `1..=num_seeds`, whose rounds are the schedule's; one group of
 /// the interval is one world.
-pub fn visibility_errors(
+pub(super) fn visibility_errors(
     num_seeds: u64,
     num_learn: usize,
     num_query: usize,

@@ -22,10 +22,10 @@ use chronotope::localize::trace::{Shot, Stage, Trace, TraceConfig, Tracer};
 use chronotope::localize::{Localization, Localizer, Method, Preset, Query, Scratch};
 use chronotope::map::Snapshot;
 
-use crate::harness::{Fold, learn, times, without_twins};
-use crate::material::Material;
+use super::fold::{learn, times};
+use super::options::RunOptions;
+use crate::data::{Fold, Material, Worlds, extractor, images, split_at, without_twins};
 use crate::progress::progress;
-use crate::run::{RunOptions, Worlds, extractor, images, split_at};
 use crate::suite::{Arm, Protocol, Run, Suite, shipped};
 
 /// Asks every query of `suite` once more and gives its trace to `record`; returns their number.
@@ -51,7 +51,7 @@ pub fn replay(
             let fold = split_at(&material, split);
             (material, vec![fold])
         }
-        _ => images(suite, options)?,
+        _ => images(suite, options.data.as_deref(), &options.cache)?,
     };
     let (arm, run) = shown(suite, &material)?;
     let mut replay = Replay {

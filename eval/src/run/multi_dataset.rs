@@ -9,37 +9,40 @@
 //! clock answers with `static` in the place of methods that need a time: what a user would get.
 //! Nothing is timed here.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use anyhow::Result;
 use chronotope::dataset::Clock;
-use chronotope::localize::{LocalizerConfig, Preset};
+use chronotope::localize::LocalizerConfig;
 use rayon::prelude::*;
 
-use crate::harness::{Fold, Said, photograph, run_fold, without_twins};
-use crate::judge::rates::{PairedDifference, Tally};
-use crate::material::Material;
+use super::fold::{Said, run_fold};
+use super::options::RunOptions;
+use super::tallies::{NamedQuery, Tallies};
+use crate::data::{
+    Fold, Material, Worlds, extractor, images, photograph, prefix, split_at, without_twins,
+};
+use crate::judge::rates::PairedDifference;
 use crate::progress::progress;
 use crate::provenance::sha256;
-use crate::results::{LeakCheck, Query, SuiteResults};
-use crate::run::{RunOptions, Worlds, extractor, images, prefix, split_at};
-use crate::suite::{Arm, Protocol, Run, Suite};
+use crate::results::{LeakCheck, SuiteResults};
+use crate::suite::{Protocol, Run, Suite};
 
 /// What the ids of foreign queries end with.
-pub const FOREIGN: &str = " (place left out)";
+pub(super) const FOREIGN: &str = " (place left out)";
 
 /// The n at which arms are compared in words.
 const COMPARED_N: [u32; 2] = [30, 50];
 
 /// The parts of a suite.
 #[derive(Clone, Copy, Debug)]
-pub struct Parts<'s> {
+pub(super) struct Parts<'s> {
     /// Names of suites.
-    pub suites: &'s [String],
+    pub(super) suites: &'s [String],
     /// Whether foreign queries are asked too.
-    pub leave_place_out: bool,
+    pub(super) leave_place_out: bool,
     /// Of a synthetic part, so many worlds.
-    pub num_seeds: u64,
+    pub(super) num_seeds: u64,
 }
 
 /// One dataset (or world) with its folds.
@@ -58,18 +61,11 @@ struct Case {
     is_foreign: bool,
 }
 
-#[derive(Default)]
-struct Answers {
-    queries: BTreeMap<String, Query>,
-    /// By variant: pairs compared by native queries per n, and their number.
-    pairs: Vec<(Vec<u64>, u64)>,
-}
-
 impl Parts<'_> {
     /// Runs all arms of `suite` on all parts.
-    pub fn run(&self, suite: &Suite, options: &RunOptions) -> Result<SuiteResults> {
+    pub(super) fn run(&self, suite: &Suite, options: &RunOptions) -> Result<SuiteResults> {
         let mut results = SuiteResults::new(&suite.name, self.suites.join(", "));
-        let mut answers = Answers::default();
+        let mut tallies = Tallies::new(suite, false);
         let mut digest = String::new();
         let mut leaks = LeakCheck::default();
         let (mut num_places, mut num_broken) = (0, 0);
@@ -84,14 +80,14 @@ impl Parts<'_> {
                 if dataset.clock == Clock::None {
                     without_clock.insert(name.as_str());
                 }
-                leaks.num_removed += self.ask(suite, &part, &mut answers)?;
+                leaks.num_removed += self.ask(suite, &part, &mut tallies)?;
             }
         }
         results.dataset_sha256 = sha256(digest.as_bytes());
         results.num_places = Some(num_places);
         results.num_broken_images = Some(num_broken);
         results.leak_check = Some(leaks);
-        results.queries = answers.queries.into_values().collect();
+        tallies.finish(&mut results);
         let num_foreign = (results.queries.iter()).filter(|query| query.truth.is_none());
         let num_foreign = num_foreign.count();
         results.split = format!(
@@ -111,7 +107,6 @@ impl Parts<'_> {
                 names.join(", ")
             );
         }
-        rows(suite, &answers.pairs, &mut results);
         results
             .notes
             .push("nothing is timed here; the suites of the parts are".into());
@@ -129,7 +124,7 @@ impl Parts<'_> {
             ..
         } = suite.protocol
         else {
-            let (material, folds) = images(&suite, options)?;
+            let (material, folds) = images(&suite, options.data.as_deref(), &options.cache)?;
             return Ok(vec![Part {
                 prefix: name.to_owned(),
                 is_group: false,
@@ -157,7 +152,7 @@ impl Parts<'_> {
     }
 
     /// Asks for every query of the part; gives the number of twins taken off the learning side.
-    fn ask(&self, suite: &Suite, part: &Part, answers: &mut Answers) -> Result<u32> {
+    fn ask(&self, suite: &Suite, part: &Part, tallies: &mut Tallies<'_>) -> Result<u32> {
         let (mut cases, mut num_removed) = (Vec::new(), 0);
         for fold in &part.folds {
             let (fold, removed) = without_twins(&part.material, fold);
@@ -171,7 +166,8 @@ impl Parts<'_> {
             });
         }
         let bar = progress(cases.len() * suite.arms.len(), "maps");
-        let mut first_variant = 0;
+        let default = LocalizerConfig::default();
+        let mut first_run = 0;
         for arm in &suite.arms {
             let runs = match part.material.dataset.clock {
                 Clock::Real => arm.runs(true),
@@ -185,13 +181,15 @@ impl Parts<'_> {
                     said
                 })
                 .collect::<Result<_>>()?;
+            // The runs by name: a stand-in answers under the name of what it stands in for.
+            tallies.register(arm, arm.runs(true), first_run, &default);
             for (case, said) in cases.iter().zip(said) {
                 for (entry, said) in said {
-                    let said: Vec<&Said> = of_run.iter().map(|&run| &said[run]).collect();
-                    answers.collect(suite, arm, part, case, entry, (first_variant, &said));
+                    let said = of_run.iter().map(|&run| said[run].clone());
+                    tallies.collect(&named(part, case, entry), first_run, said);
                 }
             }
-            first_variant += runs.len();
+            first_run += runs.len();
         }
         bar.finish_and_clear();
         Ok(num_removed)
@@ -236,81 +234,24 @@ fn distinct(runs: &[Run]) -> (Vec<Run>, Vec<usize>) {
     (distinct, of_run)
 }
 
-impl Answers {
-    fn collect(
-        &mut self,
-        suite: &Suite,
-        arm: &Arm,
-        part: &Part,
-        case: &Case,
-        entry: usize,
-        (first_variant, said): (usize, &[&Said]),
-    ) {
-        let entry = &part.material.dataset.entries[entry];
-        let native_id = format!("{}/{}", part.prefix, entry.id);
-        let group = if part.is_group {
-            part.prefix.clone()
-        } else {
-            let photograph = photograph(&entry.id).unwrap_or(&entry.id);
-            format!("{}/{photograph}", part.prefix)
-        };
-        let id = if case.is_foreign {
+/// The query of an entry as the case has it.
+fn named(part: &Part, case: &Case, entry: usize) -> NamedQuery {
+    let entry = &part.material.dataset.entries[entry];
+    let native_id = format!("{}/{}", part.prefix, entry.id);
+    let group = if part.is_group {
+        part.prefix.clone()
+    } else {
+        let photograph = photograph(&entry.id).unwrap_or(&entry.id);
+        format!("{}/{photograph}", part.prefix)
+    };
+    NamedQuery {
+        id: if case.is_foreign {
             format!("{native_id}{FOREIGN}")
         } else {
             native_id
-        };
-        let query = self.queries.entry(id.clone()).or_insert_with(|| Query {
-            id,
-            truth: (!case.is_foreign).then(|| entry.place.as_str().to_owned()),
-            group: Some(group),
-            answers: BTreeMap::new(),
-        });
-        // The runs by name: a stand-in answers under the name of what it stands in for.
-        let names = arm.runs(true);
-        self.pairs.resize(
-            self.pairs.len().max(first_variant + names.len()),
-            Default::default(),
-        );
-        for (index, (run, said)) in names.iter().zip(said).enumerate() {
-            if !case.is_foreign {
-                let (pairs, num) = &mut self.pairs[first_variant + index];
-                pairs.resize(suite.sizes.len(), 0);
-                *num += 1;
-                for (sum, pairs) in pairs.iter_mut().zip(&said.pairs_compared) {
-                    *sum += pairs;
-                }
-            }
-            for (&score, answers) in run.scores.iter().zip(&said.answers) {
-                let name = run.variant(arm.preset, score);
-                for (&n, answer) in suite.sizes.iter().zip(answers) {
-                    let key = name.at(n as u32).to_string();
-                    query.answers.insert(key, answer.clone());
-                }
-            }
-        }
-    }
-}
-
-/// The rows of all arms, over native queries.
-fn rows(suite: &Suite, pairs: &[(Vec<u64>, u64)], results: &mut SuiteResults) {
-    let default = LocalizerConfig::default();
-    let runs =
-        (suite.arms.iter()).flat_map(|arm| arm.runs(true).into_iter().map(move |run| (arm, run)));
-    for ((arm, run), (pairs, num)) in runs.zip(pairs) {
-        for &score in &run.scores {
-            let is_default = arm.preset == Preset::Default
-                && run.localizer == default
-                && score == default.score();
-            let name = run.variant(arm.preset, score);
-            for (&n, &sum) in suite.sizes.iter().zip(pairs) {
-                let key = name.at(n as u32);
-                let has_rule = score == chronotope::localize::Score::Likelihood;
-                let tally = Tally::of(&results.queries, &key, has_rule);
-                let mut row = tally.into_row(&key, is_default);
-                row.pairs_compared = sum as f64 / (*num).max(1) as f64;
-                results.rows.push(row);
-            }
-        }
+        },
+        group: Some(group),
+        truth: (!case.is_foreign).then(|| entry.place.as_str().to_owned()),
     }
 }
 
@@ -401,11 +342,10 @@ mod tests {
             num_seeds: 1,
         };
         let part = part();
-        let mut answers = Answers::default();
-        parts.ask(&suite, &part, &mut answers).unwrap();
+        let mut tallies = Tallies::new(&suite, false);
+        parts.ask(&suite, &part, &mut tallies).unwrap();
         let mut results = SuiteResults::new("foreign", "synthetic");
-        results.queries = answers.queries.into_values().collect();
-        rows(&suite, &answers.pairs, &mut results);
+        tallies.finish(&mut results);
         let (native, foreign): (Vec<_>, Vec<_>) = results
             .queries
             .iter()

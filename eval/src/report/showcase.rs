@@ -5,75 +5,68 @@
 //! mistakes of the whole suite beside the places they were mixed up with. Pictures only show what was
 //! counted elsewhere.
 
-use std::fmt::Write as _;
-
+use super::content::{
+    FeatureClass, FeaturePicture, GalleryImage, Mistake, Observation, PicturedFeature, Pictures,
+    ProbabilityCurve, Raster, RasterRow, TimeAxis,
+};
+use crate::data::Material;
+use crate::results::{Answer, RowKey, SuiteResults};
+use crate::run::{Showcase, Shown, SuiteRun, live};
 use anyhow::Result;
 use chronotope::Time;
 use chronotope::dataset::{Clock, Dataset, Entry};
 use chronotope::feature::GrayImage;
 use chronotope::localize::trace::{SpectrumSheet, telling};
-use chronotope::localize::{Decision, Localization, Localizer, Query};
+use chronotope::localize::{Decision, Localization, Query};
 use chronotope::map::Node;
 use chronotope::predict::Selection;
 use chronotope::visibility::{self, VisibilityModel};
-
-use crate::harness::{Fold, live};
-use crate::material::Material;
-use crate::report::{
-    FeatureClass, FeaturePicture, GalleryImage, Mistake, Observation, PicturedFeature, Pictures,
-    ProbabilityCurve, Raster, RasterRow, TimeAxis,
-};
-use crate::results::{Answer, RowKey, SuiteResults, Variant};
+use std::fmt::Write as _;
 
 /// Live images shown.
 const NUM_FEATURE_PICTURES: usize = 3;
+
 /// Features whose p(t) is shown.
 const NUM_CURVES: usize = 4;
+
 /// Features and visits of the raster.
 const MAX_RASTER_FEATURES: usize = 48;
+
 const MAX_RASTER_VISITS: usize = 160;
+
 /// Mistakes shown.
 const NUM_MISTAKES: usize = 10;
+
 /// Points of a drawn p(t).
 const CURVE_POINTS: usize = 400;
 
-/// What pictures are drawn of.
-#[derive(Debug)]
-pub struct Exhibit {
-    /// The run.
-    pub variant: Variant,
-    /// Its localizer in the first fold.
-    pub localizer: Localizer,
-    /// The first fold.
-    pub fold: Fold,
-    /// When each entry was taken, by the arm's clock.
-    pub times: Vec<Time>,
-    /// The strongest features of an image that are used.
-    pub num_live: usize,
-}
-
-/// Draws everything; `prefix` is that of the material's query ids.
-pub fn pictures(
-    results: &SuiteResults,
-    material: &Material,
-    exhibit: Exhibit,
-    prefix: Option<&str>,
-) -> Result<Pictures> {
-    let Some(n) = results.detail_n() else {
-        return Ok(Pictures::default());
+/// Draws everything that the run has to show.
+pub fn pictures(run: SuiteRun) -> Result<(SuiteResults, Pictures)> {
+    let SuiteRun { results, shown } = run;
+    let (Some(shown), Some(n)) = (shown, results.detail_n()) else {
+        return Ok((results, Pictures::default()));
     };
-    let key = exhibit.variant.at(n);
-    let exhibit = Exhibit {
-        localizer: exhibit.localizer.with_selection(Selection::Top(n as usize)),
-        ..exhibit
+    let Shown {
+        showcase,
+        material,
+        prefix,
+    } = shown;
+    let key = showcase.variant.at(n);
+    let localizer = showcase
+        .localizer
+        .with_selection(Selection::Top(n as usize));
+    let showcase = Showcase {
+        localizer,
+        ..showcase
     };
-    let answered = answered(results, material, &key, prefix);
-    Ok(Pictures {
-        features: feature_pictures(material, &exhibit, &answered)?,
-        curves: curves(material, &exhibit),
-        raster: raster(material, &exhibit),
-        mistakes: mistakes(material, &key, &answered)?,
-    })
+    let answered = answered(&results, &material, &key, prefix.as_deref());
+    let pictures = Pictures {
+        features: feature_pictures(&material, &showcase, &answered)?,
+        curves: curves(&material, &showcase),
+        raster: raster(&material, &showcase),
+        mistakes: mistakes(&material, &key, &answered)?,
+    };
+    Ok((results, pictures))
 }
 
 /// Every entry of the material that was asked for, with the answer.
@@ -96,29 +89,29 @@ fn answered<'r>(
         .collect()
 }
 
-fn localize(material: &Material, exhibit: &Exhibit, entry: usize) -> Result<Localization> {
-    let features = live(material, entry, exhibit.num_live);
+fn localize(material: &Material, showcase: &Showcase, entry: usize) -> Result<Localization> {
+    let features = live(material, entry, showcase.num_live);
     let query = Query {
         features: &features,
-        time: Some(exhibit.times[entry]),
+        time: Some(showcase.times[entry]),
         image_size: Some(material.extracted[entry].image_size),
     };
-    Ok(exhibit
+    Ok(showcase
         .localizer
-        .localize(&mut exhibit.localizer.scratch(), &query)?)
+        .localize(&mut showcase.localizer.scratch(), &query)?)
 }
 
 /// The clearest, the median and the least clear of the right answers in the first fold.
 fn feature_pictures(
     material: &Material,
-    exhibit: &Exhibit,
+    showcase: &Showcase,
     answered: &[(usize, &Answer)],
 ) -> Result<Vec<FeaturePicture>> {
     let mut right = Vec::new();
     for &(entry, answer) in answered {
         let truth = material.dataset.entries[entry].place.as_str();
-        if exhibit.fold.query.contains(&entry) && answer.wrong(Some(truth)) == 0.0 {
-            let found = localize(material, exhibit, entry)?;
+        if showcase.fold.query.contains(&entry) && answer.wrong(Some(truth)) == 0.0 {
+            let found = localize(material, showcase, entry)?;
             right.push((
                 found.first().map_or(0, |first| first.num_inliers),
                 entry,
@@ -133,18 +126,18 @@ fn feature_pictures(
         .collect();
     shown.dedup();
     (shown.into_iter().filter_map(|i| right.get(i)))
-        .map(|(_, entry, found)| feature_picture(material, exhibit, *entry, found))
+        .map(|(_, entry, found)| feature_picture(material, showcase, *entry, found))
         .collect()
 }
 
 fn feature_picture(
     material: &Material,
-    exhibit: &Exhibit,
+    showcase: &Showcase,
     entry: usize,
     found: &Localization,
 ) -> Result<FeaturePicture> {
     let asked = &material.dataset.entries[entry];
-    let live = live(material, entry, exhibit.num_live);
+    let live = live(material, entry, showcase.num_live);
     let mut features = Vec::new();
     let mut title = format!("{}, {}", asked.place, when(&material.dataset, asked));
     if let Some(first) = found.first() {
@@ -162,7 +155,7 @@ fn feature_picture(
                 probability: first.probabilities[pair.rank as usize] as f32,
             });
         }
-        let node = exhibit.localizer.snapshot().node(first.node);
+        let node = showcase.localizer.snapshot().node(first.node);
         let shift = first.displacement.median;
         for (rank, &id) in first.predicted.iter().enumerate() {
             if !is_found[rank] {
@@ -197,23 +190,23 @@ fn feature_picture(
     Ok(FeaturePicture {
         image: asked.source.load()?,
         title,
-        note: format!("{}: {}.", decided(exhibit, found), found.reason),
+        note: format!("{}: {}.", decided(showcase, found), found.reason),
         features,
     })
 }
 
 /// The features with most to tell; see [`telling`].
-fn curves(material: &Material, exhibit: &Exhibit) -> Vec<ProbabilityCurve> {
-    let Some(query_time) = query_time(exhibit) else {
+fn curves(material: &Material, showcase: &Showcase) -> Vec<ProbabilityCurve> {
+    let Some(query_time) = query_time(showcase) else {
         return Vec::new();
     };
-    let snapshot = exhibit.localizer.snapshot();
-    (telling(&exhibit.localizer, NUM_CURVES).into_iter())
+    let snapshot = showcase.localizer.snapshot();
+    (telling(&showcase.localizer, NUM_CURVES).into_iter())
         .filter_map(|(id, feature)| {
-            let model = exhibit.localizer.model(id)?;
+            let model = showcase.localizer.model(id)?;
             Some(curve(
                 material,
-                exhibit,
+                showcase,
                 snapshot.node(id),
                 model,
                 feature,
@@ -224,19 +217,19 @@ fn curves(material: &Material, exhibit: &Exhibit) -> Vec<ProbabilityCurve> {
 }
 
 /// When the first query of the fold was taken.
-fn query_time(exhibit: &Exhibit) -> Option<Time> {
-    let entry = exhibit.fold.query.first()?;
-    exhibit.times.get(*entry).copied()
+fn query_time(showcase: &Showcase) -> Option<Time> {
+    let entry = showcase.fold.query.first()?;
+    showcase.times.get(*entry).copied()
 }
 
 /// The place of the feature with most to tell: its features that were seen most often, those that were
 /// seen early above.
-fn raster(material: &Material, exhibit: &Exhibit) -> Option<Raster> {
-    let (id, _) = telling(&exhibit.localizer, 1).into_iter().next()?;
-    let model = exhibit.localizer.model(id)?;
-    let node = exhibit.localizer.snapshot().node(id);
+fn raster(material: &Material, showcase: &Showcase) -> Option<Raster> {
+    let (id, _) = telling(&showcase.localizer, 1).into_iter().next()?;
+    let model = showcase.localizer.model(id)?;
+    let node = showcase.localizer.snapshot().node(id);
     let times = node.log.times();
-    let along = along(material, exhibit);
+    let along = along(material, showcase);
     // The latest visits, if they are too many.
     let visits = times.len().saturating_sub(MAX_RASTER_VISITS)..times.len();
     let mut rows: Vec<(usize, f64, RasterRow)> = (0..model.num_features())
@@ -285,9 +278,9 @@ fn axis(material: &Material) -> TimeAxis {
 }
 
 /// Where times lie on [`axis`]: seconds, or the number of the visit, from 1, where the index is no clock.
-fn along<'a>(material: &Material, exhibit: &'a Exhibit) -> impl Fn(Time) -> f64 + use<'a> {
+fn along<'a>(material: &Material, showcase: &'a Showcase) -> impl Fn(Time) -> f64 + use<'a> {
     let is_clock = material.dataset.clock == Clock::Real;
-    let mut visits = exhibit.times.clone();
+    let mut visits = showcase.times.clone();
     visits.sort_unstable();
     visits.dedup();
     move |time| {
@@ -308,13 +301,13 @@ fn along<'a>(material: &Material, exhibit: &'a Exhibit) -> impl Fn(Time) -> f64 
 
 fn curve(
     material: &Material,
-    exhibit: &Exhibit,
+    showcase: &Showcase,
     node: &Node,
     model: &dyn VisibilityModel,
     feature: usize,
     query_time: Time,
 ) -> ProbabilityCurve {
-    let along = along(material, exhibit);
+    let along = along(material, showcase);
     let times = node.log.times();
     let ends = times.iter().chain(std::iter::once(&query_time));
     let start = ends.clone().min().copied().unwrap_or_default();
@@ -362,9 +355,12 @@ fn curve(
 }
 
 /// The decision as a word.
-fn decided(exhibit: &Exhibit, found: &Localization) -> String {
+fn decided(showcase: &Showcase, found: &Localization) -> String {
     match found.decision {
-        Decision::At(node) => format!("Located at {}", exhibit.localizer.snapshot().node(node).key),
+        Decision::At(node) => format!(
+            "Located at {}",
+            showcase.localizer.snapshot().node(node).key
+        ),
         Decision::Ambiguous => "Ambiguous".into(),
         Decision::Unknown => "Unknown".into(),
     }

@@ -4,16 +4,17 @@
 //! kept in a cache file whose name is a digest of the dataset's index, the sizes and times of its image
 //! files and the extractor. The digest of each image's decoded pixels is kept too, for the leak check.
 
+use chronotope::dataset::{Dataset, Entry, Problem};
+use chronotope::feature::{Descriptor, Extractor, Features, Keypoint, StarBrief, StarBriefConfig};
+use chronotope::{Error, ErrorKind, Result};
+use rayon::prelude::*;
+use sha2::{Digest, Sha256};
 use std::fs;
 use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use chronotope::dataset::{Dataset, Entry, Problem};
-use chronotope::feature::{Descriptor, Extractor, Features, Keypoint};
-use chronotope::{Error, ErrorKind, Result};
-use rayon::prelude::*;
-use sha2::{Digest, Sha256};
+use crate::provenance::hex;
 
 /// What is known of one image.
 #[derive(Clone, Debug, PartialEq)]
@@ -120,7 +121,7 @@ fn cache_name(dataset: &Dataset, extractor: &dyn Extractor) -> PathBuf {
         let modified = state.and_then(|state| state.modified().ok());
         hasher.update(format!("{len} {modified:?}\n"));
     }
-    let hex = crate::provenance::hex(&hasher.finalize()[..8]);
+    let hex = hex(&hasher.finalize()[..8]);
     PathBuf::from(format!("{}-{hex}.features", dataset.name))
 }
 
@@ -207,4 +208,9 @@ fn read_one(file: &mut impl Read) -> Result<Extracted> {
         image_size,
         digest,
     })
+}
+
+/// The extractor of every suite.
+pub(crate) fn extractor() -> Result<StarBrief> {
+    StarBrief::new(StarBriefConfig::default())
 }

@@ -2,8 +2,8 @@
 //!
 //! Finished answers become numbers and pictures here: [`results`] is the file `SUITE.json`,
 //! [`judge`] turns answers into rates with intervals, pairs two runs query by query and says whether
-//! posteriors and decisions deserve their trust, [`table`] prints a run in a terminal and [`report`] draws
-//! it as one HTML file. [`series`] does all of this for single states over
+//! posteriors and decisions deserve their trust, and [`report`] prints a run in a terminal and draws it as
+//! one HTML file. [`series`] does all of this for single states over
 //! time.
 
 pub mod data;
@@ -18,7 +18,6 @@ pub mod soak;
 pub mod soak_live;
 pub mod speed;
 pub mod suite;
-pub mod table;
 
 // The made-up run is shared by unit and integration tests, which name this crate differently.
 #[cfg(test)]

@@ -11,11 +11,11 @@ use chronotope_eval::report::{self, ReportInput};
 use chronotope_eval::results::SuiteResults;
 use chronotope_eval::run::replay;
 use chronotope_eval::run::{RunOptions, run};
+use chronotope_eval::series;
 use chronotope_eval::soak::{self, SoakOptions};
 use chronotope_eval::soak_live::{self, LiveOptions};
 use chronotope_eval::speed::{self, SpeedOptions};
 use chronotope_eval::suite::{Protocol, Suite};
-use chronotope_eval::{series, table};
 use clap::{Parser, Subcommand};
 
 /// Measures how well Chronotope's methods localise, on real and synthetic images.
@@ -299,7 +299,7 @@ fn run_suite(suite: &Suite, options: &RunOptions, n: Option<u32>, replays: &Repl
     }
     for suite_run in run(suite, options)? {
         let (results, pictures) = report::pictures(suite_run)?;
-        println!("{}", table::render(&results, n));
+        println!("{}", report::terminal::render(&results, n));
         let json = options.out.join(format!("{}.json", results.suite));
         results.write(&json)?;
         // A suite's own report has one fixed name; that of its control says so.

@@ -7,7 +7,10 @@
 //! where the contrast needs it). Every number comes from [`SuiteResults`]; every picture is given by
 //! the caller. Text of the input is escaped everywhere.
 
+mod axis;
 mod content;
+mod curves;
+mod facts;
 mod html;
 mod judgement;
 mod page;
@@ -17,6 +20,8 @@ mod raster;
 mod sections;
 mod series;
 mod showcase;
+mod spectrum;
+pub mod terminal;
 
 use std::path::Path;
 
@@ -54,7 +59,7 @@ pub fn render(input: &ReportInput<'_>) -> Result<String> {
         (
             "visibility",
             "Visibility",
-            self::pictures::curves(&input.pictures.curves)
+            curves::curves(&input.pictures.curves)
                 + &raster::section(input.pictures.raster.as_ref()),
         ),
         (

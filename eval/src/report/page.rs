@@ -1,6 +1,6 @@
 //! What is around the sections of every report?
 
-use super::html::{Esc, put};
+use super::html::{Esc, Words, put};
 
 /// A page of sections (id, name, body), of which the empty ones are left out.
 pub(super) fn document(
@@ -42,6 +42,17 @@ const SCRIPT: &str = include_str!("script.js");
 /// Nothing may be loaded: what the file needs, it holds.
 const POLICY: &str =
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
+
+/// The command that gives the same run again; nothing where it is not known.
+pub(super) fn run_again(html: &mut String, command: &str) {
+    if !command.is_empty() {
+        put!(
+            html,
+            "<p class=\"again\">Run it again: <code>{}</code></p>",
+            Words(command)
+        );
+    }
+}
 
 #[cfg(test)]
 mod tests {

@@ -8,8 +8,9 @@ use std::path::Path;
 
 use chronotope::Result;
 
-use super::html::{Esc, Words, put};
-use super::page::document;
+use super::axis::probability_lines;
+use super::html::{Esc, put};
+use super::page::{document, run_again};
 use super::plot::{Point, Scale, Series, SharePlot, path};
 use crate::results::{Order, write_atomically};
 use crate::series::sampling::Sampling;
@@ -98,13 +99,7 @@ fn head(results: &SeriesResults) -> String {
         );
     }
     html.push_str("</div>");
-    if !results.command.is_empty() {
-        put!(
-            html,
-            "<p class=\"again\">Run it again: <code>{}</code></p>",
-            Words(&results.command)
-        );
-    }
+    run_again(&mut html, &results.command);
     html.push_str("<details><summary>How this was measured</summary><dl class=\"facts\">");
     for (name, value) in facts(results) {
         put!(html, "<dt>{name}</dt><dd>{}</dd>", Esc(value));
@@ -174,17 +169,7 @@ fn curve(html: &mut String, drawing: &Drawing) {
         put!(d, "M{x:.1} {TOP}h{width:.1}V{BOTTOM}h-{width:.1}Z");
     }
     put!(html, "<path class=\"truth\" d=\"{d}\"/>");
-    for (p, text) in [(0.0, "0"), (0.5, "0.5"), (1.0, "1")] {
-        put!(
-            html,
-            "<path class=\"axis\" d=\"M{LEFT} {y:.1}H{}\"/><text x=\"{}\" y=\"{:.1}\" \
-             text-anchor=\"end\">{text}</text>",
-            WIDTH - RIGHT,
-            LEFT - 6.0,
-            py(p) + 4.5,
-            y = py(p)
-        );
-    }
+    probability_lines(html, (LEFT, WIDTH - RIGHT), 6.0, py);
     for (time, text) in day_ticks(first, last) {
         put!(
             html,

@@ -15,7 +15,6 @@ pub mod results;
 pub mod run;
 pub mod series;
 pub mod soak;
-pub mod soak_live;
 pub mod speed;
 pub mod suite;
 

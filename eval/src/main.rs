@@ -12,8 +12,8 @@ use chronotope_eval::results::SuiteResults;
 use chronotope_eval::run::replay;
 use chronotope_eval::run::{RunOptions, run};
 use chronotope_eval::series;
-use chronotope_eval::soak::{self, SoakOptions};
-use chronotope_eval::soak_live::{self, LiveOptions};
+use chronotope_eval::soak::live::{self, LiveOptions};
+use chronotope_eval::soak::visits::{self, SoakOptions};
 use chronotope_eval::speed::{self, SpeedOptions};
 use chronotope_eval::suite::{Protocol, Suite};
 use clap::{Parser, Subcommand};
@@ -250,8 +250,8 @@ fn main_of(args: Args) -> Result<()> {
             }
             println!("{}", compare_pooled(&runs, &n)?);
         }
-        Command::Soak(options) => print!("{}", soak::run(&options)?),
-        Command::SoakLive(options) => print!("{}", soak_live::run(&options)?),
+        Command::Soak(options) => print!("{}", visits::run(&options)?),
+        Command::SoakLive(options) => print!("{}", live::run(&options)?),
         Command::Speed {
             data,
             nodes,

@@ -26,8 +26,9 @@ use chronotope::matching::{MatchScratch, Matcher};
 use chronotope::predict::Selection;
 use chronotope::visibility::BitRow;
 
-use super::material::SplitMix;
-use super::{Material, Measurement, opening, time as repeat};
+use super::material::{Material, SplitMix};
+use super::measurement::{Measurement, time as repeat};
+use super::opening;
 
 /// What the section is called; the plot of growth looks for it.
 pub(super) const SECTION: &str = "one answer, 50 features a place, 500 live";

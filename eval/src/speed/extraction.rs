@@ -4,7 +4,9 @@ use anyhow::{Result, ensure};
 use chronotope::feature::{Extractor, Features, StarBrief, StarBriefConfig};
 use chronotope::simd::Kernel;
 
-use super::{Material, Measurement, Python, time};
+use super::material::Material;
+use super::measurement::{Measurement, time};
+use super::rivals::Python;
 
 /// What the section is called; the targets look for it.
 pub(super) const SECTION: &str = "extraction, 500 features";

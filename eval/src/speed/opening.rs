@@ -15,7 +15,8 @@ use chronotope::Time;
 use chronotope::localize::{Localizer, LocalizerConfig, Query};
 use chronotope::map::{Map, Snapshot};
 
-use super::{Material, Measurement};
+use super::material::Material;
+use super::measurement::Measurement;
 
 /// What the section is called.
 pub(super) const SECTION: &str = "opening a map of 500 features a place";

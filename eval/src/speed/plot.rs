@@ -6,8 +6,8 @@
 
 use std::fmt::Write as _;
 
-use super::SpeedReport;
 use super::end_to_end::SECTION;
+use super::measurement::SpeedReport;
 
 const WIDTH: f64 = 760.0;
 const LEFT: f64 = 76.0;

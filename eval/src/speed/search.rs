@@ -8,8 +8,9 @@ use chronotope::matching::{InvertedFile, NearestNeighbours, SearchScratch};
 use chronotope::simd::{Kernel, NearestTwo, PackedDescriptors};
 use hnsw_rs::prelude::{Distance, Hnsw};
 
-use super::rivals::Indexes;
-use super::{Material, Measurement, Python, SpeedOptions, SpeedReport, time};
+use super::material::Material;
+use super::measurement::{Measurement, SpeedOptions, SpeedReport, time};
+use super::rivals::{Indexes, Python};
 
 /// What the section is called.
 pub(super) const SECTION: &str = "two nearest of 256 bits";

@@ -26,7 +26,7 @@ use chronotope::learn::{Circumstances, Learner, Observation};
 use chronotope::localize::{Decision, Localization, Localizer, LocalizerConfig, Preset, Query};
 use chronotope::map::{Map, PlaceKey, SessionId};
 
-use crate::soak::{Street, StreetOptions, commit, memory_bytes, quantile};
+use super::street::{Street, StreetOptions, commit, memory_bytes, quantile};
 
 /// Rows of the table.
 const NUM_PARTS: usize = 12;

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)] // reason: a test that cannot prepare itself has failed.
 
 mod architecture;
+mod circles;
 mod cli;
 mod cli_spectrum;
 mod dataset;
@@ -20,6 +21,7 @@ mod matching;
 mod merge;
 mod newer;
 mod query_form;
+mod source_text;
 mod spectrum;
 mod synthetic;
 mod tracking;

@@ -7,7 +7,7 @@ use chronotope::dataset::{Dataset, Manifest};
 
 use super::features::{Material, extractor};
 use super::folds::{Fold, folds};
-use crate::progress::progress;
+use crate::progress::Progress;
 use crate::suite::Suite;
 
 /// The images of a suite with their features, and its folds.
@@ -25,9 +25,9 @@ pub(crate) fn images(
         )
     })?;
     let dataset = Dataset::open_with(&manifest, data)?;
-    let bar = progress(dataset.entries.len(), "features");
-    let material = Material::new(dataset, &extractor()?, Some(cache), &|| bar.inc(1))?;
-    bar.finish_and_clear();
+    let bar = Progress::new(dataset.entries.len(), "features");
+    let material = Material::new(dataset, &extractor()?, Some(cache), &|| bar.inc())?;
+    drop(bar);
     let folds = folds(&suite.protocol, &material.dataset, Some(&manifest))?;
     Ok((material, folds))
 }

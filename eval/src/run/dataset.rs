@@ -13,7 +13,7 @@ use super::tallies::{NamedQuery, Tallies};
 use super::timing::time;
 use crate::data::{Fold, Material, images, photograph, without_twins};
 use crate::judge::statistics::p50_p99;
-use crate::progress::progress;
+use crate::progress::Progress;
 use crate::results::{LeakCheck, StageLatency, SuiteResults};
 use crate::suite::{Arm, Protocol, Suite, shipped};
 
@@ -219,9 +219,9 @@ pub(super) fn run_images(suite: &Suite, options: &RunOptions) -> Result<SuiteRun
     results.dataset_sha256 = material.dataset.sha256();
     results.split = describe(&suite.protocol, &folds);
     let mut run = DatasetRun::new(suite);
-    let bar = progress(folds.len() * suite.arms.len(), "folds");
-    run.add(&material, &folds, None, &|| bar.inc(1))?;
-    bar.finish_and_clear();
+    let bar = Progress::new(folds.len() * suite.arms.len(), "folds");
+    run.add(&material, &folds, None, &|| bar.inc())?;
+    drop(bar);
     let showcase = run.finish(&mut results);
     results
         .notes

@@ -23,7 +23,7 @@ use crate::data::{
     Fold, Material, Worlds, extractor, images, photograph, prefix, split_at, without_twins,
 };
 use crate::judge::rates::PairedDifference;
-use crate::progress::progress;
+use crate::progress::Progress;
 use crate::provenance::sha256;
 use crate::results::{LeakCheck, SuiteResults};
 use crate::suite::{Protocol, Run, Suite};
@@ -165,7 +165,7 @@ impl Parts<'_> {
                 is_foreign: false,
             });
         }
-        let bar = progress(cases.len() * suite.arms.len(), "maps");
+        let bar = Progress::new(cases.len() * suite.arms.len(), "maps");
         let default = LocalizerConfig::default();
         let mut first_run = 0;
         for arm in &suite.arms {
@@ -177,7 +177,7 @@ impl Parts<'_> {
             let said: Vec<Vec<(usize, Vec<Said>)>> = (cases.par_iter())
                 .map(|case| {
                     let said = run_fold(&part.material, &case.fold, arm, &distinct, &suite.sizes);
-                    bar.inc(1);
+                    bar.inc();
                     said
                 })
                 .collect::<Result<_>>()?;
@@ -191,7 +191,7 @@ impl Parts<'_> {
             }
             first_run += runs.len();
         }
-        bar.finish_and_clear();
+        drop(bar);
         Ok(num_removed)
     }
 }

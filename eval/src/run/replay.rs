@@ -25,7 +25,7 @@ use chronotope::map::Snapshot;
 use super::fold::{learn, times};
 use super::options::RunOptions;
 use crate::data::{Fold, Material, Worlds, extractor, images, split_at, without_twins};
-use crate::progress::progress;
+use crate::progress::Progress;
 use crate::suite::{Arm, Protocol, Run, Suite, shipped};
 
 /// Asks every query of `suite` once more and gives its trace to `record`; returns their number.
@@ -62,13 +62,13 @@ pub fn replay(
         tracer: Tracer::new(TraceConfig::default()),
         record,
     };
-    let bar = progress(folds.len(), "replay");
+    let bar = Progress::new(folds.len(), "replay");
     let mut num = 0;
     for fold in &folds {
         num += replay.fold(&without_twins(&material, fold).0)?;
-        bar.inc(1);
+        bar.inc();
     }
-    bar.finish_and_clear();
+    drop(bar);
     Ok(num)
 }
 

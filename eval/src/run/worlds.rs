@@ -8,7 +8,7 @@ use super::showcase::{Shown, SuiteRun};
 use super::truth::visibility_errors;
 use crate::data::{Material, Worlds, extractor, prefix, split_at};
 use crate::judge::rates::PairedDifference;
-use crate::progress::progress;
+use crate::progress::Progress;
 use crate::provenance::sha256;
 use crate::results::{Order, SuiteResults, Variant};
 use crate::suite::Suite;
@@ -49,7 +49,7 @@ fn run_with(suite: &Suite, worlds: &Worlds, rhythms: bool) -> Result<SuiteRun> {
     let mut digest = String::new();
     // The first world, whose images the report shows.
     let mut shown = None;
-    let bar = progress(worlds.seeds as usize, name);
+    let bar = Progress::new(worlds.seeds as usize, name);
     for seed in 1..=worlds.seeds {
         let (dataset, split) = worlds.world(seed, rhythms, name)?;
         digest.push_str(&dataset.sha256());
@@ -57,9 +57,9 @@ fn run_with(suite: &Suite, worlds: &Worlds, rhythms: bool) -> Result<SuiteRun> {
         let fold = split_at(&material, split);
         run.add(&material, &[fold], Some(&prefix(seed)), &|| {})?;
         shown.get_or_insert(material);
-        bar.inc(1);
+        bar.inc();
     }
-    bar.finish_and_clear();
+    drop(bar);
     let showcase = run.finish(&mut results);
     results.dataset_sha256 = sha256(digest.as_bytes());
     results.split = format!(

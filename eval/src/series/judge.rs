@@ -11,7 +11,7 @@ use super::results::{Row, SCHEMA_VERSION, SeriesResults};
 use super::sampling::Sampling;
 use super::score::{Score, same};
 use super::spectrum;
-use crate::progress::progress;
+use crate::progress::Progress;
 use crate::results::Order;
 use crate::suite::Suite;
 
@@ -28,18 +28,18 @@ pub(super) fn judge(suite: &Suite, material: &Material, share: f64) -> Result<Se
             })
         })
         .collect();
-    let bar = progress(tasks.len(), "series");
+    let bar = Progress::new(tasks.len(), "series");
     // Collected in the order of tasks, whoever finishes first.
     let scores: Vec<Vec<Score>> = (tasks.par_iter())
         .map(|&(sampling, series, draw)| {
             let learnt = sampling.draw(&series.learn, share, draw);
             let forecasts = forecasts(&learnt, |_| true)?;
             let scores = Score::of_all(&forecasts, &learnt, series, block);
-            bar.inc(1);
+            bar.inc();
             scores
         })
         .collect::<Result<_>>()?;
-    bar.finish_and_clear();
+    drop(bar);
     let mut rows = Vec::new();
     for sampling in Sampling::ALL {
         // First draws of a series, then series of the suite.

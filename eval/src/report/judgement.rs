@@ -1,8 +1,9 @@
 //! Which part of a report tells whether posteriors and decisions can be trusted?
 
+use super::headline::Headline;
 use super::html::{Esc, put};
 use super::plot::{Point, Scale, Series, SharePlot, nice_axis};
-use super::sections::{headline, label};
+use super::sections::label;
 use crate::results::Judgement;
 use crate::results::SuiteResults;
 
@@ -13,11 +14,15 @@ const COLOURS: [(&str, usize); 3] = [("likelihood", 1), ("inliers", 3), ("count"
 const DIAGONAL: [(f64, f64); 2] = [(0.0, 0.0), (100.0, 100.0)];
 
 /// Reliability, precision-recall, decisions; empty where nothing was judged.
-pub(super) fn section(results: &SuiteResults) -> String {
+pub(super) fn section(results: &SuiteResults, headline: Option<&Headline>) -> String {
     let mut html = String::new();
-    let Some((main, n)) = headline(results).zip(results.detail_n()) else {
+    let Some((headline, usual_n)) = headline.zip(results.detail_n()) else {
         return html;
     };
+    let main = &headline.variant;
+    // Not every n is judged.
+    let is_judged = results.judgement.iter().any(|it| it.n == headline.n);
+    let n = if is_judged { headline.n } else { usual_n };
     // One line per score of the configuration that the report is about.
     let shown: Vec<&Judgement> = (results.judgement.iter())
         .filter(|it| it.n == n && it.part.is_none())
@@ -33,7 +38,7 @@ pub(super) fn section(results: &SuiteResults) -> String {
         "<h2>Can its certainty be trusted?</h2><p class=\"hint\">{} at n = {n}. The posterior is the \
          probability of each place and of being elsewhere; counts and inliers are tempered into one as \
          well, so that the scores can be compared. {}</p>",
-        Esc(label(&main)),
+        Esc(label(main)),
         if has_foreign {
             "Foreign queries are images of places that the map lacks; they are mixed in as often as the \
              prior of elsewhere says."
@@ -269,13 +274,17 @@ mod tests {
     use crate::judge::judge_all;
     use crate::sample::sample_results;
 
+    fn section_of(results: &SuiteResults) -> String {
+        section(results, Headline::of(results).as_ref())
+    }
+
     #[test]
     fn a_judged_run_has_three_plots_with_words_and_another_has_none() {
         let mut results = sample_results();
         results.judgement.clear();
-        assert_eq!(section(&results), "");
+        assert_eq!(section_of(&results), "");
         results.judgement = judge_all(&results, &[]);
-        let html = section(&results);
+        let html = section_of(&results);
         assert_eq!(html.matches("<figure").count(), 3, "{html}");
         assert_eq!(html.matches("role=\"img\" aria-label=\"").count(), 3);
         assert!(html.contains("calibration error") && html.contains("located at the wrong place"));
@@ -291,7 +300,7 @@ mod tests {
             query.truth = None;
         }
         results.judgement = judge_all(&results, &[]);
-        let html = section(&results);
+        let html = section_of(&results);
         assert!(html.contains("foreign queries accepted"), "{html}");
     }
 }

@@ -11,6 +11,7 @@ mod axis;
 mod content;
 mod curves;
 mod facts;
+mod headline;
 mod html;
 mod judgement;
 mod page;
@@ -32,6 +33,7 @@ pub use content::{
     FeatureClass, FeaturePicture, GalleryImage, Mistake, Observation, PicturedFeature, Pictures,
     ProbabilityCurve, Raster, RasterRow, TimeAxis,
 };
+use headline::Headline;
 use page::document;
 pub use series::{render_series, write_series};
 pub use showcase::pictures;
@@ -48,9 +50,15 @@ pub struct ReportInput<'a> {
 /// The report as one HTML document. Fails on pictures that are no images.
 pub fn render(input: &ReportInput<'_>) -> Result<String> {
     let results = input.results;
+    let headline = Headline::of(results);
+    let headline = headline.as_ref();
     let sections = [
-        ("error", "Error", sections::error_over_n(results)),
-        ("summary", "All numbers", sections::summary(results)),
+        ("error", "Error", sections::error_over_n(results, headline)),
+        (
+            "summary",
+            "All numbers",
+            sections::summary(results, headline),
+        ),
         (
             "features",
             "Prediction",
@@ -67,10 +75,14 @@ pub fn render(input: &ReportInput<'_>) -> Result<String> {
             "Re-observation",
             sections::reobservation(results),
         ),
-        ("judgement", "Trust", judgement::section(results)),
+        ("judgement", "Trust", judgement::section(results, headline)),
         ("truth", "Truth", sections::visibility_errors(results)),
-        ("cost", "Cost", sections::cost(results)),
-        ("confusion", "Confusion", sections::confusion(results)),
+        ("cost", "Cost", sections::cost(results, headline)),
+        (
+            "confusion",
+            "Confusion",
+            sections::confusion(results, headline),
+        ),
         (
             "mistakes",
             "Mistakes",
@@ -80,7 +92,7 @@ pub fn render(input: &ReportInput<'_>) -> Result<String> {
     let title = format!("{}: which place is this?", results.suite);
     Ok(document(
         &title,
-        &sections::head(results),
+        &sections::head(results, headline),
         &sections,
         sections::foot(),
     ))

@@ -9,6 +9,7 @@ use super::content::{
     FeatureClass, FeaturePicture, GalleryImage, Mistake, Observation, PicturedFeature, Pictures,
     ProbabilityCurve, Raster, RasterRow, TimeAxis,
 };
+use super::headline::Headline;
 use crate::data::Material;
 use crate::results::{Answer, RowKey, SuiteResults};
 use crate::run::{Showcase, Shown, SuiteRun, live};
@@ -43,7 +44,7 @@ const CURVE_POINTS: usize = 400;
 /// Draws everything that the run has to show.
 pub fn pictures(run: SuiteRun) -> Result<(SuiteResults, Pictures)> {
     let SuiteRun { results, shown } = run;
-    let (Some(shown), Some(n)) = (shown, results.detail_n()) else {
+    let (Some(shown), Some(Headline { n, .. })) = (shown, Headline::of(&results)) else {
         return Ok((results, Pictures::default()));
     };
     let Shown {

@@ -5,6 +5,7 @@
 //! so that lines next to each other may be compared.
 
 use super::facts::{header_lines, short_count, short_ms, short_name};
+use super::headline::Headline;
 use crate::results::{Judgement, Row, SuiteResults, Variant};
 use std::fmt::Write as _;
 
@@ -16,16 +17,19 @@ const MAX_N_COLUMNS: usize = 13;
 
 /// The run as text, at most 100 columns wide (the header's own values aside).
 ///
-/// `n` chooses the row that is shown in detail; `None` takes [`detail_n`].
+/// `n` chooses the row that is shown in detail; `None` takes that of the headline.
 pub fn render(results: &SuiteResults, n: Option<u32>) -> String {
-    let mut text = format!("Suite {}\n", results.suite);
+    let headline = Headline::of(results);
+    let words = headline.as_ref().map(|headline| headline.in_words(results));
+    let mut text = words.map_or_else(String::new, |words| words + "\n");
+    let _ = writeln!(text, "Suite {}", results.suite);
     for (name, value) in header_lines(results) {
         let _ = writeln!(text, "  {name:<11}{value}");
     }
     for note in &results.notes {
         let _ = writeln!(text, "  {:<11}{note}", "Note");
     }
-    let Some(n) = n.or_else(|| results.detail_n()) else {
+    let Some(n) = n.or(headline.as_ref().map(|headline| headline.n)) else {
         text.push_str("\nNo rows.\n");
         return text;
     };
@@ -282,6 +286,8 @@ mod tests {
     fn fits_into_100_columns_and_names_every_row() {
         let results = sample_results();
         let text = render(&results, None);
+        let (first, text) = text.split_once("\n\n").unwrap();
+        assert!(first.starts_with("With ") && first.lines().all(|line| line.len() <= 100));
         let (header, body) = text.split_once("\n\n").unwrap();
         assert!(header.contains(&results.command) && header.contains("queries"));
         for line in body.lines() {
@@ -291,7 +297,8 @@ mod tests {
             assert!(body.contains(&variant.method), "{variant}");
         }
         assert!(
-            body.contains("At n = 50") && body.contains("\n* "),
+            body.contains(&format!("At n = {}", Headline::of(&results).unwrap().n))
+                && body.contains("\n* "),
             "{body}"
         );
         assert!(render(&results, Some(30)).contains("At n = 30"));

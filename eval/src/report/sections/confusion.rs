@@ -1,7 +1,8 @@
 //! Which places are mistaken for which?
 
-use super::names::{headline, label, trimmed};
+use super::names::{label, trimmed};
 use crate::judge::rates::Confusion;
+use crate::report::headline::Headline;
 use crate::report::html::{Esc, put};
 use crate::results::SuiteResults;
 
@@ -12,12 +13,12 @@ const MAX_MATRIX_PLACES: usize = 24;
 const NUM_LISTED_CONFUSIONS: usize = 20;
 
 /// Who is mistaken for whom, of the headline's row.
-pub(in crate::report) fn confusion(results: &SuiteResults) -> String {
+pub(in crate::report) fn confusion(results: &SuiteResults, headline: Option<&Headline>) -> String {
     let mut html = String::new();
-    let Some((variant, n)) = headline(results).zip(results.detail_n()) else {
+    let Some(Headline { variant, n, .. }) = headline else {
         return html;
     };
-    let confusion = Confusion::of(&results.queries, &variant.at(n));
+    let confusion = Confusion::of(&results.queries, &variant.at(*n));
     if confusion.places.is_empty() {
         return html;
     }
@@ -25,7 +26,7 @@ pub(in crate::report) fn confusion(results: &SuiteResults) -> String {
         html,
         "<h2>Which places are mistaken for which?</h2><p class=\"hint\">{}, preset {}, score {}, n = \
          {n}: one row per true place, one column per answer, in images (ties in parts).</p>",
-        Esc(label(&variant)),
+        Esc(label(variant)),
         Esc(&variant.preset),
         Esc(&variant.score)
     );

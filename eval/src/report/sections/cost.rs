@@ -2,12 +2,13 @@
 
 use super::error::{Along, error_plots};
 use crate::report::facts::short_ms;
+use crate::report::headline::Headline;
 use crate::report::html::{Esc, put};
 use crate::results::SuiteResults;
 
 /// Error over pairs compared, and time by stage.
-pub(in crate::report) fn cost(results: &SuiteResults) -> String {
-    let plots = error_plots(results, Along::Pairs);
+pub(in crate::report) fn cost(results: &SuiteResults, headline: Option<&Headline>) -> String {
+    let plots = error_plots(results, headline, Along::Pairs);
     let mut html = String::new();
     if plots.is_empty() && results.latency.is_empty() {
         return html;

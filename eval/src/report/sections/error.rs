@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use super::glossary::words;
-use super::names::{colour, headline, interval_text, label};
+use super::names::{colour, interval_text, label};
 use crate::report::facts::short_count;
+use crate::report::headline::Headline;
 use crate::report::plot::{Point, Scale, Series, SharePlot};
 use crate::results::{SuiteResults, Variant};
 
@@ -19,8 +20,11 @@ pub(super) enum Along {
 }
 
 /// Error over n, the group of the headline first and large.
-pub(in crate::report) fn error_over_n(results: &SuiteResults) -> String {
-    let plots = error_plots(results, Along::N);
+pub(in crate::report) fn error_over_n(
+    results: &SuiteResults,
+    headline: Option<&Headline>,
+) -> String {
+    let plots = error_plots(results, headline, Along::N);
     if plots.is_empty() {
         return plots;
     }
@@ -34,11 +38,21 @@ pub(in crate::report) fn error_over_n(results: &SuiteResults) -> String {
     )
 }
 
-pub(super) fn error_plots(results: &SuiteResults, along: Along) -> String {
+pub(super) fn error_plots(
+    results: &SuiteResults,
+    headline: Option<&Headline>,
+    along: Along,
+) -> String {
     let mut html = String::new();
-    let Some((headline, n)) = headline(results).zip(results.detail_n()) else {
+    let Some(Headline {
+        variant: headline,
+        n,
+        ..
+    }) = headline
+    else {
         return html;
     };
+    let n = *n;
     let mut groups = results.grouped();
     // A stable sort: the headline's group moves to the front.
     groups.sort_by_key(|(preset, score, _)| *preset != headline.preset || *score != headline.score);
@@ -51,7 +65,7 @@ pub(super) fn error_plots(results: &SuiteResults, along: Along) -> String {
                 results,
                 variant,
                 *style,
-                *variant == headline,
+                variant == headline,
                 n,
                 along,
             ));

@@ -1,30 +1,33 @@
 //! What does a report say first?
 
-use super::names::{baseline, headline, interval_text, label, trimmed};
-use crate::judge::rates::PairedDifference;
+use super::names::{interval_text, label, trimmed};
 use crate::report::facts::{header_lines, short_ms};
+use crate::report::headline::{Headline, baseline};
 use crate::report::html::{Esc, Words, put, signed};
 use crate::report::page::run_again;
-use crate::results::{Row, SuiteResults, Variant};
+use crate::results::{Row, SuiteResults};
 
 /// Title, verdict, tiles and where the numbers come from.
-pub(in crate::report) fn head(results: &SuiteResults) -> String {
+pub(in crate::report) fn head(results: &SuiteResults, headline: Option<&Headline>) -> String {
     let mut html = String::new();
     put!(
         html,
-        "<h1>Which place is this? Suite {}</h1><p class=\"sub\">{}: {} queries{}</p>",
+        "<h1>Which place is this? Suite {}</h1><p class=\"sub\">{}: {} queries{}{}</p>",
         Esc(&results.suite),
         Esc(&results.dataset),
         results.queries.len(),
         results
             .num_places
-            .map_or_else(String::new, |num| format!(", {num} places"))
+            .map_or_else(String::new, |num| format!(", {num} places")),
+        match results.split.as_str() {
+            "" => String::new(),
+            split => format!("; {}", Esc(split)),
+        }
     );
-    let headline = headline(results).zip(results.detail_n());
-    if let Some((variant, n)) = &headline
-        && let Some(row) = results.row(&variant.at(*n))
+    if let Some(headline) = headline
+        && let Some(row) = results.row(&headline.variant.at(headline.n))
     {
-        verdict(&mut html, results, row, variant);
+        verdict(&mut html, results, row, headline);
     }
     run_again(&mut html, &results.command);
     html.push_str("<details><summary>How this was measured</summary><dl class=\"facts\">");
@@ -43,7 +46,8 @@ pub(in crate::report) fn head(results: &SuiteResults) -> String {
     html
 }
 
-fn verdict(html: &mut String, results: &SuiteResults, row: &Row, variant: &Variant) {
+fn verdict(html: &mut String, results: &SuiteResults, row: &Row, headline: &Headline) {
+    let variant = &headline.variant;
     let who = if row.is_default {
         "the default configuration"
     } else {
@@ -59,9 +63,7 @@ fn verdict(html: &mut String, results: &SuiteResults, row: &Row, variant: &Varia
         trimmed(row.correct),
         row.queries
     );
-    let pair = baseline(results, variant).and_then(|other| {
-        PairedDifference::between(&results.queries, &other.at(row.n), &variant.at(row.n))
-    });
+    let pair = headline.against_static;
     match &pair {
         Some(pair) if pair.points.excludes_zero() && pair.points.mean < 0.0 => put!(
             html,
@@ -78,7 +80,21 @@ fn verdict(html: &mut String, results: &SuiteResults, row: &Row, variant: &Varia
         ),
         None => {}
     }
-    html.push_str(".</p><div class=\"tiles\">");
+    if let Some(needs) = headline.static_needs {
+        put!(
+            html,
+            ". To be wrong as seldom, the static map needs <strong>{needs} features</strong> per place"
+        );
+    }
+    html.push_str(".</p>");
+    if pair.is_some_and(|pair| pair.points.excludes_zero()) {
+        put!(
+            html,
+            "<p class=\"hint\">n = {} is where the two differ most on these images; every n is below.</p>",
+            row.n
+        );
+    }
+    html.push_str("<div class=\"tiles\">");
     let mut tile = |value: String, what: String| {
         put!(
             html,

@@ -13,6 +13,6 @@ pub(super) use confusion::confusion;
 pub(super) use cost::cost;
 pub(super) use error::error_over_n;
 pub(super) use head::{foot, head};
-pub(super) use names::{headline, label};
+pub(super) use names::label;
 pub(super) use summary::summary;
 pub(super) use visibility::{reobservation, visibility_errors};

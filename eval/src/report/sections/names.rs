@@ -1,10 +1,8 @@
 //! How are variants named and coloured, and which of them is a report about?
 
+use crate::report::headline::BASELINE;
 use crate::report::html::put;
-use crate::results::{Order, Row, SuiteResults, Variant};
-
-/// The baseline that every method is compared with.
-pub(super) const BASELINE: &str = "static";
+use crate::results::{Order, Row, Variant};
 
 /// Index into the colours of the style sheet, the same for a method in all plots.
 pub(super) fn colour(method: &str) -> usize {
@@ -37,26 +35,6 @@ pub(in crate::report) fn label(variant: &Variant) -> String {
         Order::Auto => text.push_str(", order auto"),
     }
     text
-}
-
-/// The variant that the headline is about: the shipped default, else the first FreMEn, else the
-/// first of all. Never the best one: choosing it by the queries would flatter it.
-pub(in crate::report) fn headline(results: &SuiteResults) -> Option<Variant> {
-    let variants = results.variants();
-    results
-        .default_variant()
-        .or_else(|| variants.iter().find(|v| v.method == "fremen").cloned())
-        .or_else(|| variants.first().cloned())
-}
-
-/// The baseline of the same preset and score, where the run has one other than `variant`.
-pub(super) fn baseline(results: &SuiteResults, variant: &Variant) -> Option<Variant> {
-    results.variants().into_iter().find(|other| {
-        other.method == BASELINE
-            && other.preset == variant.preset
-            && other.score == variant.score
-            && other != variant
-    })
 }
 
 pub(super) fn interval_text(row: &Row) -> String {

@@ -1,15 +1,16 @@
 //! What are all numbers, one n at a time?
 
-use super::names::{baseline, colour, interval_text, label};
+use super::names::{colour, interval_text, label};
 use crate::judge::rates::PairedDifference;
 use crate::report::facts::{short_count, short_ms};
+use crate::report::headline::{Headline, baseline};
 use crate::report::html::{Esc, put, signed};
 use crate::results::{Row, SuiteResults};
 
 /// Every row, one n at a time, with intervals and the paired difference to the baseline.
-pub(in crate::report) fn summary(results: &SuiteResults) -> String {
+pub(in crate::report) fn summary(results: &SuiteResults, headline: Option<&Headline>) -> String {
     let mut html = String::new();
-    let Some(shown) = results.detail_n() else {
+    let Some(Headline { n: shown, .. }) = headline else {
         return html;
     };
     put!(
@@ -22,7 +23,7 @@ pub(in crate::report) fn summary(results: &SuiteResults) -> String {
          <select data-filters=\"rows\"><option value=\"\">all</option>"
     );
     for n in results.all_n() {
-        let selected = if n == shown { " selected" } else { "" };
+        let selected = if n == *shown { " selected" } else { "" };
         put!(html, "<option{selected}>{n}</option>");
     }
     // Intervals are drawn to the scale of the rows shown; without the script, of all rows.

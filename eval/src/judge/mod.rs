@@ -2,6 +2,7 @@
 
 pub mod compare;
 mod decisions;
+pub mod exact;
 mod judged;
 pub mod pooled;
 mod posteriors;

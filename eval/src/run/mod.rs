@@ -33,7 +33,7 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Vec<SuiteRun>> {
             num_query,
         } => {
             let worlds = Worlds {
-                seeds: *num_seeds,
+                seeds: options.worlds.unwrap_or(*num_seeds),
                 learn: *num_learn,
                 query: *num_query,
             };

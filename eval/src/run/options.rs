@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 /// Where a run reads and writes.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct RunOptions {
     /// The folder that holds the dataset, or the folders of several.
     pub data: Option<PathBuf>,
@@ -13,6 +13,8 @@ pub struct RunOptions {
     pub cache: PathBuf,
     /// Of a series' suite: the share of samples that thinning keeps, in place of the suite's.
     pub share: Option<f64>,
+    /// Of a synthetic suite: the number of worlds, in place of the suite's.
+    pub worlds: Option<u64>,
     /// The command line, for the report.
     pub command: String,
 }

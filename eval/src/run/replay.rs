@@ -196,11 +196,9 @@ mod tests {
 
     fn options() -> RunOptions {
         RunOptions {
-            data: None,
             out: "target".into(),
             cache: "target".into(),
-            share: None,
-            command: String::new(),
+            ..RunOptions::default()
         }
     }
 

@@ -28,8 +28,8 @@ fn run() -> anyhow::Result<SeriesResults> {
         data: Some(dir.path().to_path_buf()),
         out: dir.path().join("out"),
         cache: dir.path().join("cache"),
-        share: None,
         command: "chronotope-eval run edges <and its escaping>".into(),
+        ..RunOptions::default()
     };
     let results = series::run(&Suite::find("edges")?, &options)?;
     results.context("`edges` is a suite of series")
@@ -115,8 +115,7 @@ fn a_folder_without_the_series_is_named() {
         data: Some(dir.path().to_path_buf()),
         out: dir.path().to_path_buf(),
         cache: dir.path().to_path_buf(),
-        share: None,
-        command: String::new(),
+        ..RunOptions::default()
     };
     let error = series::run(&Suite::find("door").unwrap(), &options).unwrap_err();
     assert!(

@@ -1,6 +1,6 @@
 //! How far has a long run come?
 //!
-//! In a terminal a bar moves. Where stderr goes elsewhere, a line is printed every few seconds, so that a log
+//! In a terminal a bar moves. Where stderr is a file or a pipe, a line is printed every few seconds, so that a log
 //! shows that work goes on.
 
 use std::io::{IsTerminal as _, stderr};
@@ -19,7 +19,7 @@ const PAUSE: Duration = Duration::from_secs(5);
 pub(crate) enum Progress {
     /// In a terminal.
     Bar(ProgressBar),
-    /// Elsewhere.
+    /// In a file or a pipe.
     Lines {
         /// Steps that are done.
         done: Arc<AtomicUsize>,

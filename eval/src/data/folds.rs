@@ -12,12 +12,12 @@ use chronotope::dataset::{Dataset, Manifest, Side};
 use super::features::Material;
 use crate::suite::Protocol;
 
-/// Entries that are learnt and entries that are asked for; indices into a dataset.
+/// Entries that are learnt and entries that are queried; indices into a dataset.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Fold {
-    /// Learnt, in order of time.
+    /// What is learnt, in order of time.
     pub learn: Vec<usize>,
-    /// Asked for.
+    /// The queries.
     pub query: Vec<usize>,
 }
 
@@ -63,7 +63,7 @@ pub fn folds(
             );
             Ok(vec![fold])
         }
-        Protocol::Synthetic { .. } | Protocol::Several { .. } => {
+        Protocol::Synthetic { .. } | Protocol::MultiDataset { .. } => {
             bail!("worlds and parts bring their own folds")
         }
         Protocol::Series { .. } => bail!("a series is no dataset of images"),
@@ -85,7 +85,7 @@ pub(crate) fn visit_numbers(dataset: &Dataset) -> Vec<usize> {
         .collect()
 }
 
-/// Learns what was seen before `split`, asks for the rest.
+/// Learns what was seen before `split`, queries the rest.
 pub(crate) fn split_at(material: &Material, split: Time) -> Fold {
     let (query, learn) = (0..material.dataset.entries.len())
         .partition(|&i| material.dataset.entries[i].time >= split);
@@ -93,12 +93,12 @@ pub(crate) fn split_at(material: &Material, split: Time) -> Fold {
 }
 
 /// The fold without learning images that show the same pixels as one of its queries, and their number.
-pub(crate) fn without_twins(material: &Material, fold: &Fold) -> (Fold, u32) {
-    let asked: HashSet<&[u8; 32]> = (fold.query.iter())
+pub(crate) fn without_duplicates(material: &Material, fold: &Fold) -> (Fold, u32) {
+    let queried: HashSet<&[u8; 32]> = (fold.query.iter())
         .map(|&i| &material.extracted[i].digest)
         .collect();
     let learn: Vec<usize> = (fold.learn.iter().copied())
-        .filter(|&i| !asked.contains(&material.extracted[i].digest))
+        .filter(|&i| !queried.contains(&material.extracted[i].digest))
         .collect();
     let removed = (fold.learn.len() - learn.len()) as u32;
     let query = fold.query.clone();

@@ -8,6 +8,6 @@ mod worlds;
 pub(crate) use features::extractor;
 pub use features::{Extracted, Material};
 pub use folds::{Fold, folds};
-pub(crate) use folds::{photograph, split_at, visit_numbers, without_twins};
+pub(crate) use folds::{photograph, split_at, visit_numbers, without_duplicates};
 pub(crate) use images::images;
 pub(crate) use worlds::{Worlds, prefix};

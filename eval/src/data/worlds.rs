@@ -6,7 +6,7 @@ use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
 
 use anyhow::Result;
 
-/// The worlds of a synthetic suite: seeds `1..=seeds`, rounds to learn and to ask about.
+/// The worlds of a synthetic suite: seeds `1..=seeds`, rounds to learn and to query.
 pub(crate) struct Worlds {
     pub(crate) seeds: u64,
     pub(crate) learn: usize,
@@ -14,7 +14,7 @@ pub(crate) struct Worlds {
 }
 
 impl Worlds {
-    /// The images of one world, and when the first one is asked for.
+    /// The images of one world, and when the first query is taken.
     pub(crate) fn world(&self, seed: u64, rhythms: bool, name: &str) -> Result<(Dataset, Time)> {
         let world = World::new(&WorldConfig::new(seed).rhythms(rhythms))?;
         let schedule = Schedule::standard(seed, self.learn, self.query);

@@ -1,9 +1,9 @@
-//! What would a robot be told, and how often would that be wrong?
+//! What would a robot decide, and how often would that be wrong?
 //!
 //! Decisions are taken by risk ([`chronotope::localize::Decision::by_risk`]): at the most probable place if
-//! the probability of being wrong is at most the risk; ambiguous if only being elsewhere is that
+//! the probability of being wrong is at most the risk; ambiguous if only being off the map is that
 //! improbable; unknown otherwise. The score `likelihood` brings its decisions along; those of the other
-//! scores are taken here by the same rule, from their tempered posteriors.
+//! scores are taken here by the same rule, from their calibrated posteriors.
 
 use chronotope::localize::Decision as Rule;
 use chronotope::map::NodeId;
@@ -25,7 +25,7 @@ pub(super) fn decisions(judged: &[Judged<'_>], risk: f64, has_own: bool) -> Deci
         // Which place it is does not matter here.
         let place = NodeId(0);
         match it.answer.decision {
-            _ if !has_own => Rule::by_risk(place, it.claim.confidence, it.elsewhere(), risk),
+            _ if !has_own => Rule::by_risk(place, it.claim.confidence, it.off_map(), risk),
             Decision::At(_) => Rule::At(place),
             Decision::Ambiguous => Rule::Ambiguous,
             Decision::Unknown => Rule::Unknown,
@@ -47,7 +47,7 @@ pub(super) fn decisions(judged: &[Judged<'_>], risk: f64, has_own: bool) -> Deci
 }
 
 /// The curve of false accepts against located queries over risks, ascending.
-pub(super) fn at_risks(native: &[Claim<'_>], foreign: &[Claim<'_>]) -> Vec<AtRisk> {
+pub(super) fn at_risks(in_map: &[Claim<'_>], out_of_map: &[Claim<'_>]) -> Vec<AtRisk> {
     let share = |claims: &[Claim<'_>], risk: f64, value: fn(&Claim<'_>) -> f64| {
         let located = (claims.iter()).filter(|claim| 1.0 - claim.confidence <= risk + ROUNDING);
         located.map(value).fold(0.0, |sum, value| sum + value) / claims.len().max(1) as f64
@@ -55,9 +55,9 @@ pub(super) fn at_risks(native: &[Claim<'_>], foreign: &[Claim<'_>]) -> Vec<AtRis
     (RISKS.into_iter())
         .map(|risk| AtRisk {
             risk,
-            located: share(native, risk, |_| 1.0),
-            located_wrong: share(native, risk, |claim| 1.0 - claim.right),
-            accepted: (!foreign.is_empty()).then(|| share(foreign, risk, |_| 1.0)),
+            located: share(in_map, risk, |_| 1.0),
+            located_wrong: share(in_map, risk, |claim| 1.0 - claim.right),
+            accepted: (!out_of_map.is_empty()).then(|| share(out_of_map, risk, |_| 1.0)),
         })
         .collect()
 }
@@ -65,18 +65,18 @@ pub(super) fn at_risks(native: &[Claim<'_>], foreign: &[Claim<'_>]) -> Vec<AtRis
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::results::{Answer, ELSEWHERE, Query};
+    use crate::results::{Answer, OFF_MAP, Query};
     use std::collections::BTreeMap;
 
     #[test]
     fn a_larger_risk_accepts_more_of_both_kinds() {
-        let native = [
+        let in_map = [
             Claim::alone(0.99, 1.0),
             Claim::alone(0.9, 0.0),
             Claim::alone(0.4, 1.0),
             Claim::alone(0.2, 1.0),
         ];
-        let curve = at_risks(&native, &[Claim::alone(0.85, 0.0), Claim::alone(0.1, 0.0)]);
+        let curve = at_risks(&in_map, &[Claim::alone(0.85, 0.0), Claim::alone(0.1, 0.0)]);
         let at = |risk: f64| *curve.iter().find(|point| point.risk == risk).unwrap();
         assert_eq!((at(0.01).located, at(0.01).located_wrong), (0.25, 0.0));
         assert_eq!((at(0.1).located, at(0.1).located_wrong), (0.5, 0.25));
@@ -85,7 +85,7 @@ mod tests {
             (Some(0.0), Some(0.5))
         );
         assert!(curve.is_sorted_by(|a, b| a.located <= b.located && a.accepted <= b.accepted));
-        assert_eq!(at_risks(&native, &[])[0].accepted, None);
+        assert_eq!(at_risks(&in_map, &[])[0].accepted, None);
         assert!(
             at(0.001).located.is_sign_positive(),
             "nobody is not minus nobody"
@@ -94,7 +94,7 @@ mod tests {
 
     #[test]
     fn own_decisions_count_where_there_are_some() {
-        let query = |p: f64, elsewhere: f64, decision| Query {
+        let query = |p: f64, off_map: f64, decision| Query {
             id: String::new(),
             truth: Some("a".into()),
             group: None,
@@ -103,7 +103,7 @@ mod tests {
                 Answer {
                     first: Some("b".into()),
                     decision,
-                    posterior: BTreeMap::from([("b".into(), p), (ELSEWHERE.into(), elsewhere)]),
+                    posterior: BTreeMap::from([("b".into(), p), (OFF_MAP.into(), off_map)]),
                     ties: Vec::new(),
                 },
             )]),

@@ -2,7 +2,7 @@
 
 use super::scoring::{brier, first_choice, log_loss};
 use super::statistics::Sample;
-use crate::results::{Answer, ELSEWHERE, Measured, Query};
+use crate::results::{Answer, Measured, OFF_MAP, Query};
 
 /// An answer with a confidence.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,8 +70,8 @@ impl<'r> Judged<'r> {
         log_loss(&self.answer.posterior, self.truth())
     }
 
-    pub(super) fn elsewhere(&self) -> f64 {
-        let p = self.answer.posterior.get(ELSEWHERE);
+    pub(super) fn off_map(&self) -> f64 {
+        let p = self.answer.posterior.get(OFF_MAP);
         p.copied().unwrap_or(0.0)
     }
 }

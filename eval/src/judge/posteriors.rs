@@ -1,13 +1,13 @@
-//! Do posteriors and decisions deserve the trust that they ask for?
+//! Can posteriors and decisions be trusted?
 //!
 //! A row with a posterior is judged on three sets of queries:
 //!
-//! - *native*: their place is in the map. Recall, precision-recall, decisions, calibration.
-//! - *foreign* (suite `foreign`): their place was kept out of the map, so that every place is wrong.
+//! - *in-map*: their place is in the map. Recall, precision-recall, decisions, calibration.
+//! - *out-of-map* (suite `foreign`): their place was kept out of the map, so that every place is wrong.
 //!   How often is one accepted?
-//! - *mixed*: both, weighted so that foreign queries are as frequent as the prior of elsewhere says.
-//!   A posterior is a statement about this mixture, and is calibrated on it or not at all: on native
-//!   queries alone the right posterior is less sure than it is right, on foreign ones it is too sure.
+//! - *mixed*: both, weighted so that out-of-map queries are as frequent as the off-map prior says.
+//!   A posterior is a statement about this mixture, and is calibrated on it or not at all: on in-map
+//!   queries alone the right posterior is less sure than it is right, on out-of-map ones it is too sure.
 //!
 //! Everything here lies in 0..=1 (Brier score 0..=2, log loss in nats), with 95 % intervals from the
 //! bootstrap of [`statistics`](super::statistics), whole groups drawn.
@@ -21,7 +21,7 @@ use super::retrieval::retrieval;
 use super::scoring::recall_at;
 use super::statistics::Sample;
 use crate::results::{
-    Against, Calibration, Foreign, Judgement, Measured, Mixed, Native, Query, Row, RowKey,
+    Against, Calibration, InMap, Judgement, Measured, Mixed, OutOfMap, Query, Row, RowKey,
     SuiteResults, Variant,
 };
 
@@ -44,9 +44,9 @@ fn calibration(judged: &[Judged<'_>]) -> Calibration {
     }
 }
 
-/// Both sets, with weights that make `elsewhere` the share of the foreign ones and keep the mean weight 1.
-fn mix<'r>(native: &[Judged<'r>], foreign: &[Judged<'r>], elsewhere: f64) -> Vec<Judged<'r>> {
-    let total = (native.len() + foreign.len()) as f64;
+/// Both sets, with weights that make `off_map` the share of the out-of-map ones and keep the mean weight 1.
+fn mix<'r>(in_map: &[Judged<'r>], out_of_map: &[Judged<'r>], off_map: f64) -> Vec<Judged<'r>> {
+    let total = (in_map.len() + out_of_map.len()) as f64;
     let weigh = |set: &[Judged<'r>], share: f64| -> Vec<Judged<'r>> {
         let weight = share * total / set.len().max(1) as f64;
         (set.iter())
@@ -56,8 +56,8 @@ fn mix<'r>(native: &[Judged<'r>], foreign: &[Judged<'r>], elsewhere: f64) -> Vec
             })
             .collect()
     };
-    let mut all = weigh(native, 1.0 - elsewhere);
-    all.extend(weigh(foreign, elsewhere));
+    let mut all = weigh(in_map, 1.0 - off_map);
+    all.extend(weigh(out_of_map, off_map));
     all
 }
 
@@ -70,13 +70,13 @@ fn judge(
 ) -> Option<Judgement> {
     let cfg = LocalizerConfig::default();
     let name = key.to_string();
-    let (native, foreign): (Vec<_>, Vec<_>) = (queries.iter())
+    let (in_map, out_of_map): (Vec<_>, Vec<_>) = (queries.iter())
         .filter_map(|query| Judged::of(query, &name))
         .partition(|it| it.truth().is_some());
-    if native.is_empty() {
+    if in_map.is_empty() {
         return None;
     }
-    let mixed = (!foreign.is_empty()).then(|| mix(&native, &foreign, cfg.elsewhere()));
+    let mixed = (!out_of_map.is_empty()).then(|| mix(&in_map, &out_of_map, cfg.elsewhere()));
     let decides = key.variant.score == DECIDING_SCORE;
     Some(Judgement {
         is_default,
@@ -88,34 +88,34 @@ fn judge(
         variant: key.variant.clone(),
         n: key.n,
         part: part.map(str::to_owned),
-        risks: at_risks(&claims(&native), &claims(&foreign)),
-        native: Native {
-            queries: native.len() as u32,
-            recall_at_1: rate(&native, |it| it.claim.right),
-            recall_at_5: rate(&native, |it| recall_at(&it.answer.posterior, it.truth(), 5)),
-            retrieval: retrieval(&claims(&native), native.len() as f64),
-            decisions: decisions(&native, cfg.risk(), decides),
-            calibration: calibration(&native),
+        risks: at_risks(&claims(&in_map), &claims(&out_of_map)),
+        in_map: InMap {
+            queries: in_map.len() as u32,
+            recall_at_1: rate(&in_map, |it| it.claim.right),
+            recall_at_5: rate(&in_map, |it| recall_at(&it.answer.posterior, it.truth(), 5)),
+            retrieval: retrieval(&claims(&in_map), in_map.len() as f64),
+            decisions: decisions(&in_map, cfg.risk(), decides),
+            calibration: calibration(&in_map),
         },
-        foreign: (!foreign.is_empty()).then(|| Foreign {
-            queries: foreign.len() as u32,
-            decisions: decisions(&foreign, cfg.risk(), decides),
-            calibration: calibration(&foreign),
+        out_of_map: (!out_of_map.is_empty()).then(|| OutOfMap {
+            queries: out_of_map.len() as u32,
+            decisions: decisions(&out_of_map, cfg.risk(), decides),
+            calibration: calibration(&out_of_map),
         }),
         mixed: mixed.map(|mixed| {
             let claims = claims(&mixed);
-            let native = claims.len() as f64 * (1.0 - cfg.elsewhere());
+            let in_map = claims.len() as f64 * (1.0 - cfg.elsewhere());
             Mixed {
-                elsewhere: cfg.elsewhere(),
+                off_map: cfg.elsewhere(),
                 calibration: calibration(&mixed),
-                retrieval: retrieval(&claims, native),
+                retrieval: retrieval(&claims, in_map),
             }
         }),
     })
 }
 
 /// The row against the same one with the plain scores, per query that both have.
-fn against(queries: &[&Query], key: &RowKey, elsewhere: f64) -> Vec<Against> {
+fn against(queries: &[&Query], key: &RowKey, off_map: f64) -> Vec<Against> {
     let name = key.to_string();
     let compared = PLAIN_SCORES.into_iter().filter_map(|score| {
         let other = Variant {
@@ -126,15 +126,15 @@ fn against(queries: &[&Query], key: &RowKey, elsewhere: f64) -> Vec<Against> {
         let pairs: Vec<_> = (queries.iter())
             .filter_map(|query| Some((Judged::of(query, &name)?, Judged::of(query, &other)?)))
             .collect();
-        let num_native = pairs.iter().filter(|(it, _)| it.truth().is_some()).count();
-        let num_foreign = pairs.len() - num_native;
-        if num_native == 0 {
+        let num_in_map = pairs.iter().filter(|(it, _)| it.truth().is_some()).count();
+        let num_out_of_map = pairs.len() - num_in_map;
+        if num_in_map == 0 {
             return None;
         }
-        let weight = |it: &Judged<'_>| match (it.truth(), num_foreign) {
+        let weight = |it: &Judged<'_>| match (it.truth(), num_out_of_map) {
             (_, 0) => 1.0,
-            (Some(_), _) => (1.0 - elsewhere) / num_native as f64,
-            (None, _) => elsewhere / num_foreign as f64,
+            (Some(_), _) => (1.0 - off_map) / num_in_map as f64,
+            (None, _) => off_map / num_out_of_map as f64,
         };
         let difference = |of: fn(&Judged<'_>, &Judged<'_>) -> f64| -> Measured {
             let pairs = pairs.iter();
@@ -191,7 +191,7 @@ pub fn judge_all(results: &SuiteResults, parts: &[String]) -> Vec<Judgement> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::results::{Answer, Decision, ELSEWHERE};
+    use crate::results::{Answer, Decision, OFF_MAP};
     use std::collections::BTreeMap;
 
     fn key(score: &str) -> RowKey {
@@ -206,7 +206,7 @@ mod tests {
             posterior: BTreeMap::from([
                 ("a".into(), a),
                 ("b".into(), b),
-                (ELSEWHERE.into(), 1.0 - a - b),
+                (OFF_MAP.into(), 1.0 - a - b),
             ]),
             ties: Vec::new(),
         }
@@ -243,33 +243,33 @@ mod tests {
     }
 
     #[test]
-    fn native_and_foreign_queries_are_judged_apart_and_together() {
+    fn native_and_out_of_map_queries_are_judged_apart_and_together() {
         let results = results();
         let judgements = judge_all(&results, &["x".into(), "y".into()]);
         // Two scores for all queries and for each part.
         assert_eq!(judgements.len(), 6);
         let all = &judgements[0];
-        assert_eq!((all.native.queries, all.part.as_deref()), (3, None));
-        assert_eq!(all.native.recall_at_1.value, 1.0);
-        let foreign = all.foreign.as_ref().unwrap();
-        assert_eq!(foreign.queries, 1);
+        assert_eq!((all.in_map.queries, all.part.as_deref()), (3, None));
+        assert_eq!(all.in_map.recall_at_1.value, 1.0);
+        let out_of_map = all.out_of_map.as_ref().unwrap();
+        assert_eq!(out_of_map.queries, 1);
         // Brier by hand: 0.01 + 0.01, twice; 0.04 + 0.01 + 0.01.
-        let brier = all.native.calibration.brier.value;
+        let brier = all.in_map.calibration.brier.value;
         assert!(
             (brier - (0.02 + 0.02 + 0.06) / 3.0).abs() < 1e-12,
             "{brier}"
         );
-        // Foreign: 0.1^2 + 0.1^2 + (0.8 - 1)^2.
-        assert!((foreign.calibration.brier.value - 0.06).abs() < 1e-12);
+        // Out-of-map: 0.1^2 + 0.1^2 + (0.8 - 1)^2.
+        assert!((out_of_map.calibration.brier.value - 0.06).abs() < 1e-12);
         let mixed = all.mixed.as_ref().unwrap();
-        let by_hand = (1.0 - mixed.elsewhere) * brier + mixed.elsewhere * 0.06;
+        let by_hand = (1.0 - mixed.off_map) * brier + mixed.off_map * 0.06;
         assert!((mixed.calibration.brier.value - by_hand).abs() < 1e-12);
-        // Part x knows no foreign query.
+        // Part x knows no out-of-map query.
         let x = judgements
             .iter()
             .find(|it| it.part.as_deref() == Some("x"))
             .unwrap();
-        assert!(x.foreign.is_none() && x.native.queries == 2);
+        assert!(x.out_of_map.is_none() && x.in_map.queries == 2);
     }
 
     #[test]

@@ -24,7 +24,7 @@ impl Tally {
     /// Sums up the answers that `queries` hold for `key`; queries of places that the map lacks are left
     /// out, because no first choice would be right.
     ///
-    /// `has_decision_rule` tells whether the row's rule may say unknown; if not, `unknown` is 0.
+    /// `has_decision_rule` says whether the row's rule may say unknown; if not, `unknown` is 0.
     pub fn of(queries: &[Query], key: &RowKey, has_decision_rule: bool) -> Self {
         let key = key.to_string();
         let (mut unknown, mut tied) = (0, 0);
@@ -45,7 +45,7 @@ impl Tally {
         }
     }
 
-    /// The row with these numbers; what the answers do not tell is left at none and zero.
+    /// The row with these numbers; what the answers do not show is left at none and zero.
     pub fn into_row(self, key: &RowKey, is_default: bool) -> Row {
         Row {
             is_default,

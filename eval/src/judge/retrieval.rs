@@ -13,7 +13,7 @@ use crate::results::{PrecisionRecall, Retrieval};
 const MAX_POINTS: usize = 40;
 
 /// Precision and recall of `claims`, of which `num_native` (by weight) have a true place.
-pub(super) fn retrieval(claims: &[Claim<'_>], num_native: f64) -> Retrieval {
+pub(super) fn retrieval(claims: &[Claim<'_>], num_in_map: f64) -> Retrieval {
     let mut sorted = claims.to_vec();
     sorted.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
     let (mut accepted, mut right) = (0.0, 0.0);
@@ -33,8 +33,8 @@ pub(super) fn retrieval(claims: &[Claim<'_>], num_native: f64) -> Retrieval {
             } else {
                 1.0
             },
-            recall: if num_native > 0.0 {
-                right / num_native
+            recall: if num_in_map > 0.0 {
+                right / num_in_map
             } else {
                 0.0
             },
@@ -79,7 +79,7 @@ mod tests {
 
     #[test]
     fn average_precision_by_hand() {
-        // Right, right, wrong, right: AP = (1 + 1 + 3/4) / 4 of four natives.
+        // Right, right, wrong, right: AP = (1 + 1 + 3/4) / 4 of four in-map queries.
         let claims = [
             claim(0.9, true),
             claim(0.8, true),

@@ -1,7 +1,7 @@
 //! How much does a posterior lose against the truth?
 //!
-//! Brier score, `sum_k (p_k - y_k)^2` over the places and elsewhere (Brier 1950): 0 is perfect, 2 is sure
-//! and wrong. Log loss, `-ln p` of what is true: the truth of a foreign query is elsewhere. Both are
+//! Brier score, `sum_k (p_k - y_k)^2` over the places and off-map (Brier 1950): 0 is perfect, 2 is sure
+//! and wrong. Log loss, `-ln p` of what is true: the truth of a out-of-map query is off-map. Both are
 //! proper: no posterior expects less than the one that says what it believes.
 //!
 //! Shares below 0.00005 are not written, so that a probability below [`LEAST`] is taken for it: one
@@ -9,14 +9,14 @@
 
 use std::collections::BTreeMap;
 
-use crate::results::ELSEWHERE;
+use crate::results::OFF_MAP;
 
 /// The least probability in a log loss.
 const LEAST: f64 = 1e-4;
 
 /// The Brier score of one query; `truth` is none for a place that the map lacks.
 pub(super) fn brier(posterior: &BTreeMap<String, f64>, truth: Option<&str>) -> f64 {
-    let truth = truth.unwrap_or(ELSEWHERE);
+    let truth = truth.unwrap_or(OFF_MAP);
     let listed: f64 = (posterior.iter())
         .map(|(place, p)| (p - f64::from(place == truth)).powi(2))
         .sum();
@@ -25,14 +25,14 @@ pub(super) fn brier(posterior: &BTreeMap<String, f64>, truth: Option<&str>) -> f
 
 /// The log loss of one query, in nats.
 pub(super) fn log_loss(posterior: &BTreeMap<String, f64>, truth: Option<&str>) -> f64 {
-    let p = posterior.get(truth.unwrap_or(ELSEWHERE)).copied();
+    let p = posterior.get(truth.unwrap_or(OFF_MAP)).copied();
     -p.unwrap_or(0.0).clamp(LEAST, 1.0).ln()
 }
 
 /// The most probable place with its probability; `right` is the share of the truth in a tie of first
-/// places (a foreign query, without truth, is never right).
+/// places (a out-of-map query, without truth, is never right).
 pub(super) fn first_choice(posterior: &BTreeMap<String, f64>, truth: Option<&str>) -> (f64, f64) {
-    let places = || posterior.iter().filter(|(place, _)| *place != ELSEWHERE);
+    let places = || posterior.iter().filter(|(place, _)| *place != OFF_MAP);
     let confidence = places().map(|(_, &p)| p).fold(0.0, f64::max);
     (confidence, recall_at(posterior, truth, 1))
 }
@@ -43,7 +43,7 @@ pub(super) fn recall_at(posterior: &BTreeMap<String, f64>, truth: Option<&str>, 
     let Some(&p) = truth.and_then(|truth| posterior.get(truth)) else {
         return 0.0;
     };
-    let others = || posterior.iter().filter(|(place, _)| *place != ELSEWHERE);
+    let others = || posterior.iter().filter(|(place, _)| *place != OFF_MAP);
     let above = others().filter(|&(_, &other)| other > p).count();
     let equal = others().filter(|&(_, &other)| other == p).count();
     (k.saturating_sub(above) as f64 / equal as f64).min(1.0)
@@ -58,17 +58,17 @@ mod tests {
         listed.iter().map(|&(k, p)| (k.to_owned(), p)).collect()
     }
 
-    fn posterior(a: f64, b: f64, elsewhere: f64) -> BTreeMap<String, f64> {
+    fn posterior(a: f64, b: f64, off_map: f64) -> BTreeMap<String, f64> {
         BTreeMap::from([
             ("a".to_owned(), a),
             ("b".to_owned(), b),
-            (ELSEWHERE.to_owned(), elsewhere),
+            (OFF_MAP.to_owned(), off_map),
         ])
     }
 
     #[test]
-    fn recall_counts_ranks_splits_ties_and_never_ranks_elsewhere() {
-        let listed = shares(&[("a", 0.1), ("b", 0.3), ("c", 0.1), (ELSEWHERE, 0.5)]);
+    fn recall_counts_ranks_splits_ties_and_never_ranks_off_map() {
+        let listed = shares(&[("a", 0.1), ("b", 0.3), ("c", 0.1), (OFF_MAP, 0.5)]);
         let at = |truth, k| recall_at(&listed, truth, k);
         assert_eq!([at(Some("b"), 1), at(Some("b"), 5)], [1.0, 1.0]);
         assert_eq!(
@@ -79,7 +79,7 @@ mod tests {
         assert_eq!(first_choice(&listed, Some("b")), (0.3, 1.0));
         assert_eq!(first_choice(&listed, None), (0.3, 0.0));
         assert_eq!(
-            first_choice(&shares(&[(ELSEWHERE, 1.0)]), Some("a")),
+            first_choice(&shares(&[(OFF_MAP, 1.0)]), Some("a")),
             (0.0, 0.0)
         );
     }
@@ -107,12 +107,12 @@ mod tests {
             (a, b) in (0.01..0.9_f64, 0.01..0.9_f64), shift in -0.009..0.009_f64
         ) {
             let total = a + b + 0.1;
-            let (a, b, elsewhere) = (a / total, b / total, 0.1 / total);
-            let honest = posterior(a, b, elsewhere);
-            let bent = posterior(a + shift, b - shift, elsewhere);
+            let (a, b, off_map) = (a / total, b / total, 0.1 / total);
+            let honest = posterior(a, b, off_map);
+            let bent = posterior(a + shift, b - shift, off_map);
             for score in [brier, log_loss] {
                 let expected = |said: &BTreeMap<String, f64>| {
-                    a * score(said, Some("a")) + b * score(said, Some("b")) + elsewhere * score(said, None)
+                    a * score(said, Some("a")) + b * score(said, Some("b")) + off_map * score(said, None)
                 };
                 prop_assert!(expected(&honest) <= expected(&bent) + 1e-12);
             }

@@ -9,8 +9,8 @@
 //!
 //! `Deviation:` where every query has the same value (nobody was wrong), no draw can differ and the
 //! bootstrap would claim certainty; [`Sample::rate_interval`] then gives the Wilson interval
-//! (Wilson 1927), which for 0 wrong of 60 still allows 6 %. Groups without spread do not tell how alike
-//! their queries are, so that an intraclass correlation of [`GROUP_LIKENESS`] is taken for it: q queries in
+//! (Wilson 1927), which for 0 wrong of 60 still allows 6 %. Groups without spread do not show how alike
+//! their queries are, so that an intraclass correlation of [`GROUP_CORRELATION`] is taken for it: q queries in
 //! groups of m count as q / (1 + (m - 1) 0.2) independent ones (Kish 1965), never fewer than the groups.
 //!
 //! Draws come from a fixed seed: the same answers give the same interval on every machine.
@@ -31,7 +31,7 @@ const TAIL: f64 = 0.025;
 
 /// Intraclass correlation of mistakes where nothing shows it. Measured over all rows with mistakes: at
 /// most 0.08 in worlds of 96 queries (0.03 where fewer than 5 % are wrong), 0.21 in hours of Las Vegas.
-pub const GROUP_LIKENESS: f64 = 0.2;
+pub const GROUP_CORRELATION: f64 = 0.2;
 
 /// The normal quantile at `1 - TAIL`.
 const Z: f64 = 1.959_963_984_540_054;
@@ -243,7 +243,7 @@ impl Sample {
     }
 
     /// How many independent queries are worth as much as these, if mistakes within a group have the
-    /// correlation [`GROUP_LIKENESS`].
+    /// correlation [`GROUP_CORRELATION`].
     fn num_independent(&self) -> f64 {
         let num = self.num as f64;
         if self.weight <= 0.0 {
@@ -254,7 +254,7 @@ impl Sample {
             .map(|(_, weight)| weight * weight)
             .sum();
         let size = (squares / (self.weight * self.weight) * num).max(1.0);
-        (num / (1.0 + (size - 1.0) * GROUP_LIKENESS))
+        (num / (1.0 + (size - 1.0) * GROUP_CORRELATION))
             .clamp(self.groups.len().min(self.num) as f64, num)
     }
 

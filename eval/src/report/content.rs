@@ -117,7 +117,7 @@ pub struct GalleryImage {
 pub struct Mistake {
     /// Query and why it is listed, such as how sure the wrong answer was.
     pub title: String,
-    /// The image that was asked.
+    /// The image that was queried.
     pub query: GalleryImage,
     /// An image of the true place.
     pub truth: GalleryImage,

@@ -32,7 +32,7 @@ pub(super) fn curves(curves: &[ProbabilityCurve]) -> String {
          the top where the feature was seen, hollow at the bottom where it was not, grey in the \
          middle where it could not be observed. The line is the learnt probability p(t), the dashed \
          line the time of a query. Below are the rhythms of these marks; where the grey is high, visits came \
-         in step with that rhythm and cannot tell it from none.</p><div class=\"grid\">",
+         in step with that rhythm and cannot be distinguished from none.</p><div class=\"grid\">",
     );
     for curve in curves {
         one_curve(&mut html, curve);

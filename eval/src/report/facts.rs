@@ -38,7 +38,7 @@ pub(super) fn header_lines(results: &SuiteResults) -> Vec<(&'static str, String)
         .as_ref()
         .map_or_else(String::new, |check| {
             let mut text = format!(
-                "{} images digested, {} twins of queries removed from learning",
+                "{} images digested, {} duplicates of queries removed from learning",
                 check.num_checked, check.num_removed
             );
             if !check.note.is_empty() {

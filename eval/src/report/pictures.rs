@@ -148,7 +148,7 @@ pub(super) fn mistakes(mistakes: &[Mistake]) -> Result<String> {
         return Ok(html);
     }
     html.push_str(
-        "<h2>Where does it fail?</h2><p class=\"hint\">The worst mistakes: the image that was asked, \
+        "<h2>Where does it fail?</h2><p class=\"hint\">The worst mistakes: the query image, \
          an image of the true place and one of the place that was answered.</p>",
     );
     for mistake in mistakes {
@@ -157,7 +157,7 @@ pub(super) fn mistakes(mistakes: &[Mistake]) -> Result<String> {
             "<article class=\"mistake\"><h3>{}</h3><div class=\"trio\">",
             Esc(&mistake.title)
         );
-        gallery(&mut html, "Asked", "", &mistake.query)?;
+        gallery(&mut html, "Query", "", &mistake.query)?;
         gallery(&mut html, "\u{2713} True place", "ok", &mistake.truth)?;
         gallery(&mut html, "\u{2717} Answered", "no", &mistake.answered)?;
         html.push_str("</div></article>\n");

@@ -3,7 +3,7 @@
 //! Pictures for the report, of one localizer (the shipped default where the suite runs it) in the first
 //! fold: live images with what was predicted, p(t) of the features that change most, and the worst
 //! mistakes of the whole suite beside the places they were mixed up with. Pictures only show what was
-//! counted elsewhere.
+//! counted before.
 
 use super::content::{
     FeatureClass, FeaturePicture, GalleryImage, Mistake, Observation, PicturedFeature, Pictures,
@@ -70,7 +70,7 @@ pub fn pictures(run: SuiteRun) -> Result<(SuiteResults, Pictures)> {
     Ok((results, pictures))
 }
 
-/// Every entry of the material that was asked for, with the answer.
+/// Every entry that was queried, with the answer.
 fn answered<'r>(
     results: &'r SuiteResults,
     material: &Material,
@@ -137,10 +137,10 @@ fn feature_picture(
     entry: usize,
     found: &Localization,
 ) -> Result<FeaturePicture> {
-    let asked = &material.dataset.entries[entry];
+    let queried = &material.dataset.entries[entry];
     let live = live(material, entry, showcase.num_live);
     let mut features = Vec::new();
-    let mut title = format!("{}, {}", asked.place, when(&material.dataset, asked));
+    let mut title = format!("{}, {}", queried.place, when(&material.dataset, queried));
     if let Some(first) = found.first() {
         let mut is_used = vec![false; live.len()];
         let mut is_found = vec![false; first.predicted.len()];
@@ -189,14 +189,14 @@ fn feature_picture(
         );
     }
     Ok(FeaturePicture {
-        image: asked.source.load()?,
+        image: queried.source.load()?,
         title,
         note: format!("{}: {}.", decided(showcase, found), found.reason),
         features,
     })
 }
 
-/// The features with most to tell; see [`telling`].
+/// The features that change most; see [`telling`].
 fn curves(material: &Material, showcase: &Showcase) -> Vec<ProbabilityCurve> {
     let Some(query_time) = query_time(showcase) else {
         return Vec::new();
@@ -223,7 +223,7 @@ fn query_time(showcase: &Showcase) -> Option<Time> {
     showcase.times.get(*entry).copied()
 }
 
-/// The place of the feature with most to tell: its features that were seen most often, those that were
+/// The place of the most informative feature: its features that were seen most often, those that were
 /// seen early above.
 fn raster(material: &Material, showcase: &Showcase) -> Option<Raster> {
     let (id, _) = telling(&showcase.localizer, 1).into_iter().next()?;
@@ -392,12 +392,12 @@ fn mistakes(
     });
     (wrong.into_iter().take(NUM_MISTAKES))
         .map(|(share, entry, answer)| {
-            let asked = &entries[entry];
+            let queried = &entries[entry];
             let kind = if share < 1.0 { "tied" } else { "wrong" };
             Ok(Mistake {
                 title: format!(
                     "{} ({kind}{}, {} at n = {})",
-                    asked.id,
+                    queried.id,
                     sureness(answer).map_or_else(String::new, |share| format!(
                         ", {:.1} % sure",
                         100.0 * share
@@ -406,10 +406,10 @@ fn mistakes(
                     key.n
                 ),
                 query: GalleryImage {
-                    image: Some(asked.source.load()?),
-                    caption: format!("{}, {}", asked.place, when(&material.dataset, asked)),
+                    image: Some(queried.source.load()?),
+                    caption: format!("{}, {}", queried.place, when(&material.dataset, queried)),
                 },
-                truth: nearest(&material.dataset, entry, asked.place.as_str())?,
+                truth: nearest(&material.dataset, entry, queried.place.as_str())?,
                 answered: match &answer.first {
                     Some(place) => nearest(&material.dataset, entry, place)?,
                     None => GalleryImage {
@@ -428,10 +428,10 @@ fn sureness(answer: &Answer) -> Option<f64> {
 }
 
 /// The other image of `place` that was taken closest in time.
-fn nearest(dataset: &Dataset, asked: usize, place: &str) -> Result<GalleryImage> {
-    let time = dataset.entries[asked].time;
+fn nearest(dataset: &Dataset, queried: usize, place: &str) -> Result<GalleryImage> {
+    let time = dataset.entries[queried].time;
     let closest = (dataset.entries.iter().enumerate())
-        .filter(|&(index, entry)| index != asked && entry.place.as_str() == place)
+        .filter(|&(index, entry)| index != queried && entry.place.as_str() == place)
         .min_by_key(|(_, entry)| entry.time.as_us().abs_diff(time.as_us()));
     Ok(match closest {
         Some((_, entry)) => GalleryImage {

@@ -128,12 +128,12 @@ fn judgement(text: &mut String, results: &SuiteResults, n: u32) {
     if judged().next().is_none() {
         return;
     }
-    let has_foreign = judged().any(|it| it.foreign.is_some());
+    let has_out_of_map = judged().any(|it| it.out_of_map.is_some());
     let _ = writeln!(
         text,
         "\nPosterior at n = {n}{} (ECE: calibration error of the first choice)",
-        if has_foreign {
-            ", foreign queries mixed in by the prior"
+        if has_out_of_map {
+            ", out-of-map queries mixed in by the prior"
         } else {
             ""
         }
@@ -150,8 +150,8 @@ fn judgement(text: &mut String, results: &SuiteResults, n: u32) {
         let _ = write!(
             text,
             "{:>7.3}{:>7.3}{:>7.3}{:>8.3}{:>7.3} {interval:>15}{:>7.3}{:>7.3}",
-            it.native.recall_at_1.value,
-            it.native.recall_at_5.value,
+            it.in_map.recall_at_1.value,
+            it.in_map.recall_at_5.value,
             it.retrieval().average_precision,
             it.retrieval().recall_at_full_precision,
             ece.value,
@@ -159,7 +159,7 @@ fn judgement(text: &mut String, results: &SuiteResults, n: u32) {
             calibration.log_loss.value
         );
     });
-    let risk = judged().next().map_or(0.0, |it| it.native.decisions.risk);
+    let risk = judged().next().map_or(0.0, |it| it.in_map.decisions.risk);
     let _ = writeln!(
         text,
         "\nDecisions at n = {n} and risk {risk}, % of queries (in brackets: with a wrong first choice)"
@@ -171,10 +171,14 @@ fn judgement(text: &mut String, results: &SuiteResults, n: u32) {
         "located",
         "ambiguous",
         "unknown",
-        if has_foreign { "foreign accepted" } else { "" }
+        if has_out_of_map {
+            "foreign accepted"
+        } else {
+            ""
+        }
     );
     for_each_judged(text, results, n, |text, it| {
-        let decisions = &it.native.decisions;
+        let decisions = &it.in_map.decisions;
         for outcome in [decisions.located, decisions.ambiguous, decisions.unknown] {
             let cell = format!(
                 "{:.1} ({:.1})",
@@ -183,8 +187,8 @@ fn judgement(text: &mut String, results: &SuiteResults, n: u32) {
             );
             let _ = write!(text, "{cell:>15}");
         }
-        if let Some(foreign) = &it.foreign {
-            let accepted = foreign.decisions.located.share;
+        if let Some(out_of_map) = &it.out_of_map {
+            let accepted = out_of_map.decisions.located.share;
             let cell = format!(
                 "{:.1} [{:.1}, {:.1}]",
                 100.0 * accepted.value,
@@ -198,7 +202,7 @@ fn judgement(text: &mut String, results: &SuiteResults, n: u32) {
         for against in &it.against {
             let _ = writeln!(
                 text,
-                "default against tempered {}: Brier {:+.3} [{:+.3}, {:+.3}], ln p {:+.3} [{:+.3}, {:+.3}]",
+                "default against calibrated {}: Brier {:+.3} [{:+.3}, {:+.3}], ln p {:+.3} [{:+.3}, {:+.3}]",
                 against.score,
                 against.brier.value,
                 against.brier.ci_low,

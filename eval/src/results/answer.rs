@@ -24,7 +24,7 @@ pub struct Answer {
     /// What the row's decision rule said; rows without one say `At(first)`.
     pub decision: Decision,
     /// Probability of the most probable places; empty where the score is no probability.
-    /// The hypothesis "elsewhere" has the key [`ELSEWHERE`].
+    /// The hypothesis "off-map" has the key [`OFF_MAP`].
     #[serde(default)]
     pub posterior: BTreeMap<String, f64>,
     /// All places that share the first rank, `first` among them; empty without a tie.
@@ -33,7 +33,7 @@ pub struct Answer {
 }
 
 /// Key of the hypothesis "at no place of the map" in [`Answer::posterior`].
-pub const ELSEWHERE: &str = "(elsewhere)";
+pub const OFF_MAP: &str = "(elsewhere)";
 
 impl Answer {
     /// How wrong the forced first choice is, 0 to 1, with a tie split.

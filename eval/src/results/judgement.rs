@@ -41,7 +41,7 @@ pub struct Bin {
 pub struct Calibration {
     /// Expected calibration error of the first choice's probability.
     pub expected_error: Measured,
-    /// Brier score over the places and elsewhere.
+    /// Brier score over the places and off-map.
     pub brier: Measured,
     /// Log loss, nats.
     pub log_loss: Measured,
@@ -98,18 +98,18 @@ pub struct Decisions {
 pub struct AtRisk {
     /// The allowed probability of being wrong.
     pub risk: f64,
-    /// Native queries that are located.
+    /// In-map queries that are located.
     pub located: f64,
-    /// Native queries that are located at the wrong place.
+    /// In-map queries that are located at the wrong place.
     pub located_wrong: f64,
-    /// Foreign queries that are located; none without foreign queries.
+    /// Out-of-map queries that are located; none without out-of-map queries.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accepted: Option<f64>,
 }
 
 /// What became of queries whose place is in the map.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Native {
+pub struct InMap {
     /// Number of queries.
     pub queries: u32,
     /// The true place is the most probable one.
@@ -126,7 +126,7 @@ pub struct Native {
 
 /// What became of queries whose place is not in the map.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Foreign {
+pub struct OutOfMap {
     /// Number of queries.
     pub queries: u32,
     /// Located all the same (false-accept rate), ambiguous, unknown.
@@ -135,21 +135,22 @@ pub struct Foreign {
     pub calibration: Calibration,
 }
 
-/// Native and foreign queries together.
+/// In-map and out-of-map queries together.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mixed {
-    /// The share that foreign queries are weighted to.
-    pub elsewhere: f64,
+    /// The share that out-of-map queries are weighted to.
+    #[serde(rename = "elsewhere")]
+    pub off_map: f64,
     /// Of the posterior.
     pub calibration: Calibration,
-    /// Accepting a foreign query is a mistake.
+    /// Accepting a out-of-map query is a mistake.
     pub retrieval: Retrieval,
 }
 
 /// The paired difference to another score on the same queries: negative is better than the other.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Against {
-    /// The other score, tempered in the same way.
+    /// The other score, calibrated in the same way.
     pub score: String,
     /// Difference of Brier scores.
     pub brier: Measured,
@@ -171,43 +172,44 @@ pub struct Judgement {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
     /// Queries with a true place.
-    pub native: Native,
+    #[serde(rename = "native")]
+    pub in_map: InMap,
     /// Queries without one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub foreign: Option<Foreign>,
+    #[serde(rename = "foreign", default, skip_serializing_if = "Option::is_none")]
+    pub out_of_map: Option<OutOfMap>,
     /// Both.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mixed: Option<Mixed>,
     /// What other risks would give.
     pub risks: Vec<AtRisk>,
-    /// Only for the score `likelihood`: on mixed queries where there are foreign ones, else on native ones.
+    /// Only for the score `likelihood`: on mixed queries where there are out-of-map ones, else on in-map ones.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub against: Vec<Against>,
 }
 
 impl Judgement {
-    /// The calibration on what a posterior is about: the mixture where it is known, else native queries.
+    /// The calibration on what a posterior is about: the mixture where it is known, else in-map queries.
     pub fn calibration(&self) -> &Calibration {
-        (self.mixed.as_ref()).map_or(&self.native.calibration, |mixed| &mixed.calibration)
+        (self.mixed.as_ref()).map_or(&self.in_map.calibration, |mixed| &mixed.calibration)
     }
 
-    /// Precision and recall, with foreign queries where there are some.
+    /// Precision and recall, with out-of-map queries where there are some.
     pub fn retrieval(&self) -> &Retrieval {
-        (self.mixed.as_ref()).map_or(&self.native.retrieval, |mixed| &mixed.retrieval)
+        (self.mixed.as_ref()).map_or(&self.in_map.retrieval, |mixed| &mixed.retrieval)
     }
 
     /// Whether JSON can hold every number.
     pub(crate) fn is_finite(&self) -> bool {
-        let calibrations = [Some(&self.native.calibration)]
+        let calibrations = [Some(&self.in_map.calibration)]
             .into_iter()
-            .chain([self.foreign.as_ref().map(|it| &it.calibration)])
+            .chain([self.out_of_map.as_ref().map(|it| &it.calibration)])
             .chain([self.mixed.as_ref().map(|it| &it.calibration)])
             .flatten();
         let losses = self.against.iter().flat_map(|it| [it.brier, it.log_loss]);
         calibrations
             .flat_map(|it| [it.expected_error, it.brier, it.log_loss])
             .chain(losses)
-            .chain([self.native.recall_at_1, self.native.recall_at_5])
+            .chain([self.in_map.recall_at_1, self.in_map.recall_at_5])
             .all(|measured| measured.is_finite())
             && self.retrieval().average_precision.is_finite()
     }

@@ -21,10 +21,10 @@ mod rows;
 mod suite_results;
 mod validate;
 
-pub use answer::{Answer, Decision, ELSEWHERE, Query};
+pub use answer::{Answer, Decision, OFF_MAP, Query};
 pub(crate) use json::write_atomically;
 pub use judgement::{
-    Against, AtRisk, Bin, Calibration, Decisions, Foreign, Judgement, Measured, Mixed, Native,
+    Against, AtRisk, Bin, Calibration, Decisions, InMap, Judgement, Measured, Mixed, OutOfMap,
     Outcome, PrecisionRecall, Retrieval,
 };
 pub use key::{Order, RowKey, Variant};

@@ -36,7 +36,7 @@ pub struct SuiteResults {
     /// Whether the dataset's times are a clock, in words.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub clock: String,
-    /// What was learnt and what was asked, in words.
+    /// What was learnt and what was queried, in words.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub split: String,
     /// Places in the map.

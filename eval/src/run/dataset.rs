@@ -6,12 +6,12 @@ use chronotope::learn::LearnConfig;
 use chronotope::localize::Query;
 use rayon::prelude::*;
 
-use super::fold::{Said, learn, live, localizers, run_fold, times};
+use super::fold::{RunAnswers, learn, live, localizers, run_fold, times};
 use super::options::RunOptions;
 use super::showcase::{Showcase, Shown, SuiteRun};
 use super::tallies::{NamedQuery, Tallies};
 use super::timing::time;
-use crate::data::{Fold, Material, images, photograph, without_twins};
+use crate::data::{Fold, Material, images, photograph, without_duplicates};
 use crate::judge::statistics::p50_p99;
 use crate::progress::Progress;
 use crate::results::{LeakCheck, StageLatency, SuiteResults};
@@ -70,7 +70,7 @@ impl<'s> DatasetRun<'s> {
             .extend_from_slice(&material.extraction_ms);
         let mut checked = Vec::with_capacity(folds.len());
         for fold in folds {
-            let (fold, removed) = without_twins(material, fold);
+            let (fold, removed) = without_duplicates(material, fold);
             self.leaks.num_removed += removed;
             self.num_learnt.push(fold.learn.len());
             checked.push(fold);
@@ -79,7 +79,7 @@ impl<'s> DatasetRun<'s> {
         for arm in &self.suite.arms {
             let runs = arm.runs(self.has_clock);
             let num_runs = runs.len();
-            let answers: Vec<Vec<(usize, Vec<Said>)>> = (checked.par_iter())
+            let answers: Vec<Vec<(usize, Vec<RunAnswers>)>> = (checked.par_iter())
                 .map(|fold| {
                     let answers = run_fold(material, fold, arm, &runs, &self.suite.sizes);
                     progress();
@@ -244,7 +244,7 @@ fn describe(protocol: &Protocol, folds: &[Fold]) -> String {
             folds.len()
         ),
         _ => format!(
-            "{} images learnt, {queries} later ones asked for",
+            "{} images learnt, {queries} later ones queried",
             folds.iter().map(|fold| fold.learn.len()).sum::<usize>()
         ),
     }

@@ -28,7 +28,7 @@ const LEAST_SHARE: f64 = 5e-5;
 
 /// What one run said about one query.
 #[derive(Clone, Debug)]
-pub(crate) struct Said {
+pub(crate) struct RunAnswers {
     /// For each score and n: the answer.
     pub(crate) answers: Vec<Vec<Answer>>,
     pub(crate) pairs_compared: Vec<u64>,
@@ -83,14 +83,14 @@ pub(crate) fn learn(
     Ok(learner.snapshot()?)
 }
 
-/// Learns the fold's map and asks for every query of the fold: its entry with what each run says.
+/// Learns the fold's map and answers every query of the fold: its entry with the answers of each run.
 pub(crate) fn run_fold(
     material: &Material,
     fold: &Fold,
     arm: &Arm,
     runs: &[Run],
     sizes: &[usize],
-) -> Result<Vec<(usize, Vec<Said>)>> {
+) -> Result<Vec<(usize, Vec<RunAnswers>)>> {
     let times = times(&material.dataset, arm)?;
     let snapshot = learn(material, fold, arm, &times)?;
     let localizers = localizers(&snapshot, runs)?;
@@ -110,7 +110,9 @@ pub(crate) fn run_fold(
                 let truth = snapshot.find(&material.dataset.entries[entry].place);
                 let said = (localizers.iter())
                     .zip(runs)
-                    .map(|(localizer, run)| ask(localizer, run, &query, truth, scratch, sweep))
+                    .map(|(localizer, run)| {
+                        answer_query(localizer, run, &query, truth, scratch, sweep)
+                    })
                     .collect::<Result<_>>()?;
                 Ok((entry, said))
             },
@@ -134,14 +136,14 @@ fn rounded(p: f64) -> f64 {
 }
 
 /// What one run answers to one query.
-fn ask(
+fn answer_query(
     localizer: &Localizer,
     run: &Run,
     query: &Query<'_>,
     truth: Option<NodeId>,
     scratch: &mut Scratch,
     sweep: &mut Sweep,
-) -> Result<Said> {
+) -> Result<RunAnswers> {
     localizer.sweep(scratch, query, sweep)?;
     let answers = (run.scores.iter())
         .map(|&score| {
@@ -164,7 +166,7 @@ fn ask(
         }
         _ => None,
     };
-    Ok(Said {
+    Ok(RunAnswers {
         answers,
         pairs_compared,
         reobserved,
@@ -182,12 +184,12 @@ fn answer(localizer: &Localizer, sweep: &Sweep, score: Score, size: usize) -> An
     let weighed = localizer.posterior(score, sweep.sizes()[size], &scores);
     let posterior = weighed
         .as_ref()
-        .map_or_else(BTreeMap::new, |(shares, elsewhere)| {
+        .map_or_else(BTreeMap::new, |(shares, off_map)| {
             let mut named: BTreeMap<String, f64> = (shares.iter().enumerate())
                 .filter(|(_, share)| **share >= LEAST_SHARE)
                 .map(|(node, share)| (name(node), rounded(*share)))
                 .collect();
-            named.insert(results::ELSEWHERE.into(), rounded(*elsewhere));
+            named.insert(results::OFF_MAP.into(), rounded(*off_map));
             named
         });
     // Without a single match, a count ranks nothing.
@@ -204,9 +206,9 @@ fn answer(localizer: &Localizer, sweep: &Sweep, score: Score, size: usize) -> An
         .map(|(node, _)| node)
         .collect();
     let decision = match (&weighed, score) {
-        (Some((shares, elsewhere)), Score::Likelihood) => {
+        (Some((shares, off_map)), Score::Likelihood) => {
             let node = NodeId(first[0] as u32);
-            match Decision::by_risk(node, shares[first[0]], *elsewhere, localizer.cfg().risk()) {
+            match Decision::by_risk(node, shares[first[0]], *off_map, localizer.cfg().risk()) {
                 Decision::At(_) => results::Decision::At(name(first[0])),
                 Decision::Ambiguous => results::Decision::Ambiguous,
                 Decision::Unknown => results::Decision::Unknown,

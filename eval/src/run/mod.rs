@@ -39,13 +39,13 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Vec<SuiteRun>> {
             };
             worlds::run_worlds(suite, &worlds)?.into()
         }
-        Protocol::Several {
+        Protocol::MultiDataset {
             suites,
             leave_place_out,
             num_seeds,
         } => {
             parts = suites;
-            let parts = multi_dataset::Parts {
+            let parts = multi_dataset::MultiDataset {
                 suites,
                 leave_place_out: *leave_place_out,
                 num_seeds: *num_seeds,

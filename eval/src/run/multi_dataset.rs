@@ -1,11 +1,11 @@
-//! How are several datasets asked in one run, with and without the true place in the map?
+//! How are many datasets evaluated in one run, with and without the true place in the map?
 //!
-//! Each part is the dataset of another suite with that suite's protocol. A query is asked *natively*, of
-//! the whole map of its fold; and, where places are left out, once more as a *foreign* query of the map
+//! Each part is the dataset of another suite with that suite's protocol. A query is answered *in-map*, by
+//! the whole map of its fold; and, where places are left out, once more as an *out-of-map* query, by a map
 //! that was learnt without its place, so that every answer but "unknown" is wrong. Both share a group.
 //! One map is learnt per fold, and one per fold and place left out.
 //!
-//! Rows count native queries; what foreign ones are told is in the judgement. A part whose times are no
+//! Rows count in-map queries; the answers to out-of-map ones are in the judgement. A part whose times are no
 //! clock answers with `static` in the place of methods that need a time: what a user would get.
 //! Nothing is timed here.
 
@@ -16,11 +16,11 @@ use chronotope::dataset::Clock;
 use chronotope::localize::LocalizerConfig;
 use rayon::prelude::*;
 
-use super::fold::{Said, run_fold};
+use super::fold::{RunAnswers, run_fold};
 use super::options::RunOptions;
 use super::tallies::{NamedQuery, Tallies};
 use crate::data::{
-    Fold, Material, Worlds, extractor, images, photograph, prefix, split_at, without_twins,
+    Fold, Material, Worlds, extractor, images, photograph, prefix, split_at, without_duplicates,
 };
 use crate::judge::rates::PairedDifference;
 use crate::progress::Progress;
@@ -28,18 +28,18 @@ use crate::provenance::sha256;
 use crate::results::{LeakCheck, SuiteResults};
 use crate::suite::{Protocol, Run, Suite};
 
-/// What the ids of foreign queries end with.
-pub(super) const FOREIGN: &str = " (place left out)";
+/// What the ids of out-of-map queries end with.
+pub(super) const OUT_OF_MAP_SUFFIX: &str = " (place left out)";
 
 /// The n at which arms are compared in words.
 const COMPARED_N: [u32; 2] = [30, 50];
 
 /// The parts of a suite.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Parts<'s> {
+pub(super) struct MultiDataset<'s> {
     /// Names of suites.
     pub(super) suites: &'s [String],
-    /// Whether foreign queries are asked too.
+    /// Whether out-of-map queries are answered too.
     pub(super) leave_place_out: bool,
     /// Of a synthetic part, so many worlds.
     pub(super) num_seeds: u64,
@@ -55,13 +55,13 @@ struct Part {
     folds: Vec<Fold>,
 }
 
-/// A fold to learn and ask; foreign queries have no true place there.
+/// A fold to learn and query; out-of-map queries have no true place there.
 struct Case {
     fold: Fold,
-    is_foreign: bool,
+    is_out_of_map: bool,
 }
 
-impl Parts<'_> {
+impl MultiDataset<'_> {
     /// Runs all arms of `suite` on all parts.
     pub(super) fn run(&self, suite: &Suite, options: &RunOptions) -> Result<SuiteResults> {
         let mut results = SuiteResults::new(&suite.name, self.suites.join(", "));
@@ -80,7 +80,7 @@ impl Parts<'_> {
                 if dataset.clock == Clock::None {
                     without_clock.insert(name.as_str());
                 }
-                leaks.num_removed += self.ask(suite, &part, &mut tallies)?;
+                leaks.num_removed += self.run_part(suite, &part, &mut tallies)?;
             }
         }
         results.dataset_sha256 = sha256(digest.as_bytes());
@@ -88,14 +88,14 @@ impl Parts<'_> {
         results.num_broken_images = Some(num_broken);
         results.leak_check = Some(leaks);
         tallies.finish(&mut results);
-        let num_foreign = (results.queries.iter()).filter(|query| query.truth.is_none());
-        let num_foreign = num_foreign.count();
+        let num_out_of_map = (results.queries.iter()).filter(|query| query.truth.is_none());
+        let num_out_of_map = num_out_of_map.count();
         results.split = format!(
             "as in the suites {}; {} queries whose place is in the map{}",
             self.suites.join(", "),
-            results.queries.len() - num_foreign,
+            results.queries.len() - num_out_of_map,
             if self.leave_place_out {
-                format!(", and {num_foreign} of maps that were learnt without their place")
+                format!(", and {num_out_of_map} of maps that were learnt without their place")
             } else {
                 String::new()
             }
@@ -151,18 +151,18 @@ impl Parts<'_> {
             .collect()
     }
 
-    /// Asks for every query of the part; gives the number of twins taken off the learning side.
-    fn ask(&self, suite: &Suite, part: &Part, tallies: &mut Tallies<'_>) -> Result<u32> {
+    /// Answers every query of the part; gives the number of duplicates taken off the learning side.
+    fn run_part(&self, suite: &Suite, part: &Part, tallies: &mut Tallies<'_>) -> Result<u32> {
         let (mut cases, mut num_removed) = (Vec::new(), 0);
         for fold in &part.folds {
-            let (fold, removed) = without_twins(&part.material, fold);
+            let (fold, removed) = without_duplicates(&part.material, fold);
             num_removed += removed;
             if self.leave_place_out {
                 cases.extend(places_left_out(&part.material, &fold));
             }
             cases.push(Case {
                 fold,
-                is_foreign: false,
+                is_out_of_map: false,
             });
         }
         let bar = Progress::new(cases.len() * suite.arms.len(), "maps");
@@ -174,7 +174,7 @@ impl Parts<'_> {
                 Clock::None => arm.runs_without_clock(),
             };
             let (distinct, of_run) = distinct(&runs);
-            let said: Vec<Vec<(usize, Vec<Said>)>> = (cases.par_iter())
+            let said: Vec<Vec<(usize, Vec<RunAnswers>)>> = (cases.par_iter())
                 .map(|case| {
                     let said = run_fold(&part.material, &case.fold, arm, &distinct, &suite.sizes);
                     bar.inc();
@@ -196,7 +196,7 @@ impl Parts<'_> {
     }
 }
 
-/// One case per place of the fold's queries: learnt without it, asked for it.
+/// One case per place of the fold's queries: learnt without it, queried for it.
 fn places_left_out(material: &Material, fold: &Fold) -> Vec<Case> {
     let place = |entry: usize| &material.dataset.entries[entry].place;
     let places: BTreeSet<_> = fold.query.iter().map(|&entry| place(entry)).collect();
@@ -213,7 +213,7 @@ fn places_left_out(material: &Material, fold: &Fold) -> Vec<Case> {
                     learn: of(&fold.learn, false),
                     query: of(&fold.query, true),
                 },
-                is_foreign: true,
+                is_out_of_map: true,
             }
         })
         .collect()
@@ -237,7 +237,7 @@ fn distinct(runs: &[Run]) -> (Vec<Run>, Vec<usize>) {
 /// The query of an entry as the case has it.
 fn named(part: &Part, case: &Case, entry: usize) -> NamedQuery {
     let entry = &part.material.dataset.entries[entry];
-    let native_id = format!("{}/{}", part.prefix, entry.id);
+    let in_map_id = format!("{}/{}", part.prefix, entry.id);
     let group = if part.is_group {
         part.prefix.clone()
     } else {
@@ -245,13 +245,13 @@ fn named(part: &Part, case: &Case, entry: usize) -> NamedQuery {
         format!("{}/{photograph}", part.prefix)
     };
     NamedQuery {
-        id: if case.is_foreign {
-            format!("{native_id}{FOREIGN}")
+        id: if case.is_out_of_map {
+            format!("{in_map_id}{OUT_OF_MAP_SUFFIX}")
         } else {
-            native_id
+            in_map_id
         },
         group: Some(group),
-        truth: (!case.is_foreign).then(|| entry.place.as_str().to_owned()),
+        truth: (!case.is_out_of_map).then(|| entry.place.as_str().to_owned()),
     }
 }
 
@@ -282,12 +282,12 @@ fn against_default(results: &SuiteResults) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::results::ELSEWHERE;
+    use crate::results::OFF_MAP;
 
     fn suite(leave_place_out: bool) -> Suite {
         let mut suite = Suite::find("foreign").unwrap();
         suite.sizes = vec![30];
-        suite.protocol = Protocol::Several {
+        suite.protocol = Protocol::MultiDataset {
             suites: vec!["synthetic".into()],
             leave_place_out,
             num_seeds: 1,
@@ -313,17 +313,21 @@ mod tests {
     }
 
     #[test]
-    fn a_foreign_map_never_saw_the_place_and_a_native_one_did() {
+    fn an_out_of_map_query_meets_a_map_that_never_saw_its_place() {
         let part = part();
         let cases = places_left_out(&part.material, &part.folds[0]);
         let place = |entry: &usize| part.material.dataset.entries[*entry].place.clone();
         assert_eq!(cases.len(), part.material.dataset.places().len());
-        let asked: usize = cases.iter().map(|case| case.fold.query.len()).sum();
-        assert_eq!(asked, part.folds[0].query.len());
-        for Case { fold, is_foreign } in &cases {
+        let num_queries: usize = cases.iter().map(|case| case.fold.query.len()).sum();
+        assert_eq!(num_queries, part.folds[0].query.len());
+        for Case {
+            fold,
+            is_out_of_map,
+        } in &cases
+        {
             let learnt: BTreeSet<_> = fold.learn.iter().map(place).collect();
             assert!(
-                *is_foreign
+                *is_out_of_map
                     && fold
                         .query
                         .iter()
@@ -334,27 +338,27 @@ mod tests {
     }
 
     #[test]
-    fn every_query_is_asked_natively_and_as_a_foreign_one() {
+    fn every_query_is_answered_in_map_and_out_of_map() {
         let suite = suite(true);
-        let parts = Parts {
+        let parts = MultiDataset {
             suites: &["synthetic".into()],
             leave_place_out: true,
             num_seeds: 1,
         };
         let part = part();
         let mut tallies = Tallies::new(&suite, false);
-        parts.ask(&suite, &part, &mut tallies).unwrap();
+        parts.run_part(&suite, &part, &mut tallies).unwrap();
         let mut results = SuiteResults::new("foreign", "synthetic");
         tallies.finish(&mut results);
-        let (native, foreign): (Vec<_>, Vec<_>) = results
+        let (in_map, out_of_map): (Vec<_>, Vec<_>) = results
             .queries
             .iter()
             .partition(|query| query.truth.is_some());
-        assert_eq!((native.len(), foreign.len()), (8, 8));
-        for query in foreign {
+        assert_eq!((in_map.len(), out_of_map.len()), (8, 8));
+        for query in out_of_map {
             let place = query.id.strip_prefix("synthetic/seed 01/").unwrap();
             for answer in query.answers.values() {
-                assert!(answer.posterior.contains_key(ELSEWHERE), "{}", query.id);
+                assert!(answer.posterior.contains_key(OFF_MAP), "{}", query.id);
                 assert!(
                     answer
                         .posterior
@@ -375,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn stand_ins_are_asked_once_and_answer_twice() {
+    fn stand_ins_run_once_and_answer_twice() {
         let arm = &suite(true).arms[0];
         let (distinct_runs, of_run) = distinct(&arm.runs_without_clock());
         // Each method runs once for its likelihood and once for its counts.

@@ -1,9 +1,9 @@
 //! How can a suite be watched again, query by query?
 //!
-//! Every query of a suite is asked once more, of the shipped default where the suite runs it, and its
+//! Every query of a suite is answered once more, by the shipped default where the suite runs it, and its
 //! trace ([`chronotope::localize::trace`]) given away: written as JSON Lines, from which
 //! `chronotope-dashboard` renders a recording whenever somebody wants to look, or recorded at once with
-//! the cargo feature `dashboard`. Each fold's map is learnt again, without the query's twins, exactly as
+//! the cargo feature `dashboard`. Each fold's map is learnt again, without the query's duplicates, exactly as
 //! when the suite was judged; of a synthetic suite the first world is shown. Stages are timed one query
 //! at a time.
 //!
@@ -24,11 +24,11 @@ use chronotope::map::Snapshot;
 
 use super::fold::{learn, times};
 use super::options::RunOptions;
-use crate::data::{Fold, Material, Worlds, extractor, images, split_at, without_twins};
+use crate::data::{Fold, Material, Worlds, extractor, images, split_at, without_duplicates};
 use crate::progress::Progress;
 use crate::suite::{Arm, Protocol, Run, Suite, shipped};
 
-/// Asks every query of `suite` once more and gives its trace to `record`; returns their number.
+/// Answers every query of `suite` once more and gives its trace to `record`; returns their number.
 pub fn replay(
     suite: &Suite,
     options: &RunOptions,
@@ -65,7 +65,7 @@ pub fn replay(
     let bar = Progress::new(folds.len(), "replay");
     let mut num = 0;
     for fold in &folds {
-        num += replay.fold(&without_twins(&material, fold).0)?;
+        num += replay.fold(&without_duplicates(&material, fold).0)?;
         bar.inc();
     }
     drop(bar);
@@ -76,7 +76,7 @@ pub fn replay(
 pub fn check(suite: &Suite) -> Result<()> {
     if matches!(
         suite.protocol,
-        Protocol::Series { .. } | Protocol::Several { .. }
+        Protocol::Series { .. } | Protocol::MultiDataset { .. }
     ) {
         bail!(
             "suite `{}` localises no images of its own, so there is nothing to trace (help: trace one \
@@ -138,7 +138,7 @@ struct Replay<'a, E> {
 }
 
 impl<E: Extractor> Replay<'_, E> {
-    /// Learns a fold and asks for each of its queries; returns their number.
+    /// Learns a fold and answers each of its queries; returns their number.
     fn fold(&mut self, fold: &Fold) -> Result<usize> {
         let dataset = &self.material.dataset;
         let times = times(dataset, self.arm)?;
@@ -154,10 +154,10 @@ impl<E: Extractor> Replay<'_, E> {
         let mut scratch = Scratch::default();
         let mut answer = Localization::default();
         for &entry in &fold.query {
-            let asked = &dataset.entries[entry];
+            let queried = &dataset.entries[entry];
             let start = Instant::now();
-            let picture = asked.source.load()?;
-            let mask = asked.source.mask(picture.width(), picture.height())?;
+            let picture = queried.source.load()?;
+            let mask = queried.source.mask(picture.width(), picture.height())?;
             let decode = Stage::since("decode", start);
             let start = Instant::now();
             let mut live = self.extractor.extract(&picture, mask.as_ref())?;
@@ -171,16 +171,16 @@ impl<E: Extractor> Replay<'_, E> {
             };
             localizer.localize_into(&mut scratch, &query, &mut answer)?;
             let stages = [decode, extract, Stage::since("localize", start)];
-            let file = asked.source.path();
-            let recipe = asked.source.recipe();
+            let file = queried.source.path();
+            let recipe = queried.source.recipe();
             let shot = Shot {
-                name: &asked.id,
+                name: &queried.id,
                 file: file.as_deref(),
                 recipe: &recipe,
                 picture: &picture,
                 time: Some(times[entry]),
                 time_source: Some("index"),
-                truth: Some(&asked.place),
+                truth: Some(&queried.place),
                 live: &live,
                 stages: &stages,
             };

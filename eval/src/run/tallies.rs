@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use chronotope::localize::{LocalizerConfig, Preset, Score};
 
-use super::fold::{Said, TOP};
+use super::fold::{RunAnswers, TOP};
 use crate::judge::rates::Tally;
 use crate::judge::statistics::{Sample, p50_p99};
 use crate::results::{Query, Reobservation, SuiteResults, Variant};
@@ -86,7 +86,7 @@ impl<'s> Tallies<'s> {
         &mut self,
         query: &NamedQuery,
         first_run: usize,
-        answers: impl IntoIterator<Item = Said>,
+        answers: impl IntoIterator<Item = RunAnswers>,
     ) {
         let known = (self.queries.entry(query.id.clone())).or_insert_with(|| Query {
             id: query.id.clone(),

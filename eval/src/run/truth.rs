@@ -3,11 +3,11 @@
 //! In the rendered street the probability p(t) with which each element is drawn is known. Here every
 //! element is a feature that the camera never misses and never mistakes: it is born when it is first
 //! drawn, its history over the learnt rounds is fitted by each model, and its predicted p(t) is held
-//! against the true one at the rounds that are asked for. So this judges temporal models alone, without
+//! against the true one at the query rounds. So this judges temporal models alone, without
 //! extraction and matching. Elements that no learnt round shows are not features.
 //!
 //! The error is `mean |p - truth|` over elements and rounds. A model that knew the truth would score 0;
-//! no model can, because a history of a few dozen rounds of 0 and 1 does not tell p exactly.
+//! no model can, because a history of a few dozen rounds of 0 and 1 does not determine p exactly.
 
 use anyhow::Result;
 use chronotope::Time;

@@ -63,7 +63,7 @@ fn run_with(suite: &Suite, worlds: &Worlds, rhythms: bool) -> Result<SuiteRun> {
     let showcase = run.finish(&mut results);
     results.dataset_sha256 = sha256(digest.as_bytes());
     results.split = format!(
-        "{} worlds (seeds 1 to {}): {} rounds in 2023 learnt, {} rounds in 2024 asked for",
+        "{} worlds (seeds 1 to {}): {} rounds in 2023 learnt, {} rounds in 2024 queried",
         worlds.seeds, worlds.seeds, worlds.learn, worlds.query
     );
     Ok(SuiteRun {

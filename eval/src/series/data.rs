@@ -29,7 +29,7 @@ pub struct Series {
     pub name: String,
     /// What may be learnt, ascending in time.
     pub learn: Vec<State>,
-    /// What is asked for.
+    /// What is queried.
     pub parts: Vec<Part>,
 }
 
@@ -40,7 +40,7 @@ pub struct Material {
     pub series: Vec<Series>,
     /// Of the bytes of all files.
     pub sha256: String,
-    /// In words: what is learnt, what is asked for.
+    /// In words: what is learnt, what is queried.
     pub split: String,
     /// What was left out and what was assumed.
     pub notes: Vec<String>,
@@ -150,7 +150,7 @@ fn door(files: &mut Files) -> Result<Material> {
             parts: parts.into_iter().collect::<Result<_>>()?,
         }],
         sha256: String::new(),
-        split: "one week, a sample a second, learnt; the two days after it asked for".into(),
+        split: "one week, a sample a second, learnt; the two days after it queried".into(),
         notes: vec!["Times count from a Monday of no date.".into()],
     })
 }
@@ -168,7 +168,7 @@ fn door2016(files: &mut Files) -> Result<Material> {
             }],
         }],
         sha256: String::new(),
-        split: "ten weeks, a sample a minute, learnt; a later week asked for".into(),
+        split: "ten weeks, a sample a minute, learnt; a later week queried".into(),
         notes: Vec::new(),
     })
 }
@@ -203,7 +203,7 @@ fn aruba(files: &mut Files) -> Result<Material> {
     Ok(Material {
         series: series.collect(),
         sha256: String::new(),
-        split: "presence in each room, a sample a minute: weeks 1 to 12 learnt, 13 to 16 asked for"
+        split: "presence in each room, a sample a minute: weeks 1 to 12 learnt, 13 to 16 queried"
             .into(),
         notes: vec![
             "The days have no dates: the first is taken as a Monday, which makes office hours a \
@@ -247,13 +247,13 @@ fn edges(files: &mut Files) -> Result<Material> {
             few.push(name);
             continue;
         }
-        let asked = states.split_off((states.len() as f64 * LEARNT_SHARE) as usize);
+        let queried = states.split_off((states.len() as f64 * LEARNT_SHARE) as usize);
         series.push(Series {
             name,
             learn: states,
             parts: vec![Part {
                 name: "last 30 %".into(),
-                states: asked,
+                states: queried,
             }],
         });
     }
@@ -264,7 +264,7 @@ fn edges(files: &mut Files) -> Result<Material> {
     );
     Ok(Material {
         split: format!(
-            "success of traversals of {} edges: the first 70 % of each learnt, the rest asked for",
+            "success of traversals of {} edges: the first 70 % of each learnt, the rest queried",
             series.len()
         ),
         series,

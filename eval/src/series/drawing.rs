@@ -15,7 +15,7 @@ const NUM_DRAWN: usize = 700;
 /// Series that are drawn.
 const MAX_DRAWN: usize = 4;
 
-/// p(t) of three models over what was asked for, learnt from everything and from office hours.
+/// p(t) of three models over the query time, learnt from everything and from office hours.
 pub(super) fn drawings(material: &Material, share: f64) -> Result<Vec<Drawing>> {
     const DRAWN: [(&str, Order); 3] = [
         (BASELINE, Order::Fixed(0)),

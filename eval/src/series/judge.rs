@@ -15,7 +15,7 @@ use crate::progress::Progress;
 use crate::results::Order;
 use crate::suite::Suite;
 
-/// With fewer days than this among what is asked for, blocks are hours.
+/// With fewer days than this among the queries, blocks are hours.
 const MIN_DAYS: usize = 5;
 
 pub(super) fn judge(suite: &Suite, material: &Material, share: f64) -> Result<SeriesResults> {
@@ -104,7 +104,7 @@ pub(super) fn judge(suite: &Suite, material: &Material, share: f64) -> Result<Se
         share,
         notes: material.notes.clone(),
         num_series: material.series.len(),
-        num_asked: first.map(|part| part.states.len()).sum(),
+        num_queried: first.map(|part| part.states.len()).sum(),
         rows,
         drawings: drawings(material, share)?,
         spectra: spectrum::spectra(material, share)?,

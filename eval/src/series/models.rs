@@ -1,6 +1,6 @@
 //! Which forecasts are compared?
 //!
-//! Every temporal model of the papers, and ours. None is tuned to a suite.
+//! Every temporal model of the papers and those of this library. None is tuned to a suite.
 
 use anyhow::Result;
 use chronotope::spectrum::{
@@ -182,7 +182,7 @@ pub fn forecasts(states: &[State], wanted: impl Fn(&str) -> bool) -> Result<Vec<
     Ok(forecasts)
 }
 
-/// The order that foretells the latest fifth of the samples best, learnt from those before (T-RO IV-B): the
+/// The order that predicts the latest fifth of the samples best, learnt from those before (T-RO IV-B): the
 /// lower one of equals, 0 with few samples.
 fn held_out_order(states: &[State], balance: Balance) -> Result<usize> {
     let (earlier, latest) = states.split_at(states.len() - states.len() / 5);

@@ -89,7 +89,7 @@ pub struct SeriesResults {
     pub schema_version: u32,
     /// The suite's name.
     pub suite: String,
-    /// What it asks.
+    /// The question of the suite.
     pub title: String,
     /// Of all files.
     pub dataset_sha256: String,
@@ -99,7 +99,7 @@ pub struct SeriesResults {
     pub machine: String,
     /// The line that produces the file again.
     pub command: String,
-    /// What was learnt, what was asked for.
+    /// What was learnt and what was queried, in words.
     pub split: String,
     /// What the intervals resample.
     pub blocks: String,
@@ -110,7 +110,8 @@ pub struct SeriesResults {
     /// How many series.
     pub num_series: usize,
     /// Unseen samples.
-    pub num_asked: usize,
+    #[serde(rename = "num_asked")]
+    pub num_queried: usize,
     /// Every sampling, model and order.
     pub rows: Vec<Row>,
     /// p(t) over the data.
@@ -163,7 +164,7 @@ pub(crate) fn facts(results: &SeriesResults) -> Vec<(&'static str, String)> {
             format!(
                 "{} series, {} unseen samples; thinned to {} %",
                 results.num_series,
-                results.num_asked,
+                results.num_queried,
                 100.0 * results.share
             ),
         ),

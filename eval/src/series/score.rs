@@ -41,7 +41,7 @@ pub(super) struct Score {
 }
 
 impl Score {
-    /// What is known of a forecast before it is asked anything.
+    /// What is known of a forecast before it predicts anything.
     fn new(forecast: &Forecast, num_learnt: usize) -> Self {
         Self {
             model: forecast.model,
@@ -53,7 +53,7 @@ impl Score {
         }
     }
 
-    /// Asks all forecasts at each time together, since what depends on the time alone is half of the cost.
+    /// Evaluates all forecasts at each time together, since what depends on the time alone is half of the cost.
     pub(super) fn of_all(
         forecasts: &[Forecast],
         learnt: &[State],

@@ -1,6 +1,6 @@
 //! Does a robot that learns while it localises keep its pace for an hour?
 //!
-//! [`run`] drives round the rendered street for as long as asked. Three threads do what three parts of a robot do: a
+//! [`run`] drives round the rendered street for as long as it is told to. Three threads do what three parts of a robot do: a
 //! *camera* hands over an image at every tick; the *robot* extracts its features, localises it and lets the
 //! student have it; the *student* learns every image that was located, publishes a newer localiser and commits to
 //! a file every few seconds, within a budget and behind the guard. Between them are short queues; what finds one

@@ -146,7 +146,7 @@ pub(super) fn extract(world: &World, place: usize, time: Time, number: u64) -> R
     Ok(extractor.extract(&world.render(place, time, number), None)?)
 }
 
-/// Memory of this process that is in RAM, where Linux tells.
+/// Memory of this process that is in RAM, where Linux reports it.
 pub(super) fn memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status

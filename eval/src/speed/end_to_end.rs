@@ -2,7 +2,7 @@
 //!
 //! A place is one learnt image, each of its features seen anew, with a year of visits in which features
 //! come and go; the first places of a map are of different streets, and a large map has many look-alikes
-//! of each. Queries are images that were not learnt, asked in one time bucket, whose prediction is a row
+//! of each. Queries are images that were not learnt, all in one time bucket, whose prediction is a row
 //! of its own. The stages are what [`Localizer::localize_into`] does: `match` is called by itself on the
 //! features that were predicted, and what is left of the whole is the vote, the log odds, the ranking and
 //! the decision. Beside the default stands the plain count of matches, which decides by nothing else.
@@ -72,7 +72,7 @@ pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measu
     let localizer = Localizer::new(Arc::clone(&snapshot), cfg.clone())?;
     let fit_ms = start.elapsed().as_secs_f64() * 1e3;
     let predict_ms = predict(&localizer, time)?;
-    let exact = Asked::of(&localizer, material, time)?;
+    let exact = Answered::of(&localizer, material, time)?;
     let batch_ms = batch(&localizer, material, time, &exact)?;
     let per_feature = resident_bytes()
         .zip(memory)
@@ -105,7 +105,7 @@ pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measu
     if num_nodes <= MAX_COUNTED {
         let counting = cfg.clone().with_score(Score::Count).with_calibrated(false);
         let counting = Localizer::new(Arc::clone(&snapshot), counting)?;
-        let counted = Asked::of(&counting, material, time)?;
+        let counted = Answered::of(&counting, material, time)?;
         let p50 = |ms: &[f64]| crate::judge::statistics::p50_p99(ms).0;
         let more = 100.0 * (p50(&exact.whole) / p50(&counted.whole) - 1.0);
         rows.push(row("whole, plain count", &counted.whole).note(format!(
@@ -124,7 +124,7 @@ pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measu
         localizer = localizer.with_candidates(kind);
         localizer.anticipate(time);
         let build_ms = start.elapsed().as_secs_f64() * 1e3;
-        let listed = Asked::of(&localizer, material, time)?;
+        let listed = Answered::of(&localizer, material, time)?;
         let same = (listed.first.iter().zip(&exact.first)).filter(|(ours, exact)| ours == exact);
         let recall = same.count() as f64 / listed.first.len().min(exact.first.len()) as f64;
         let listed_row = row(name, &listed.whole).recall(recall);
@@ -153,7 +153,7 @@ fn batch(
     localizer: &Localizer,
     material: &Material,
     time: Time,
-    singly: &Asked,
+    singly: &Answered,
 ) -> Result<Vec<f64>> {
     let queries: Vec<Query<'_>> = (material.queries.iter())
         .take(singly.first.len())
@@ -195,21 +195,21 @@ fn least(ms: &[f64]) -> f64 {
 
 /// One answer to each query.
 #[derive(Default)]
-struct Asked {
+struct Answered {
     /// Milliseconds.
     whole: Vec<f64>,
     first: Vec<Option<NodeId>>,
 }
 
-impl Asked {
+impl Answered {
     fn of(localizer: &Localizer, material: &Material, time: Time) -> Result<Self> {
-        let mut asked = Self::default();
+        let mut answered = Self::default();
         let mut scratch = localizer.scratch();
         let mut out = Localization::default();
         let start = Instant::now();
         let features = material.queries.iter().cycle();
         for features in (material.queries.first().into_iter()).chain(features.take(MAX_ANSWERS)) {
-            if asked.whole.len() > MIN_ANSWERS && start.elapsed().as_secs_f64() > ENOUGH_S {
+            if answered.whole.len() > MIN_ANSWERS && start.elapsed().as_secs_f64() > ENOUGH_S {
                 break;
             }
             let query = Query {
@@ -219,17 +219,17 @@ impl Asked {
             };
             let start = Instant::now();
             localizer.localize_into(&mut scratch, &query, &mut out)?;
-            asked.whole.push(start.elapsed().as_secs_f64() * 1e3);
-            asked.first.push(out.first().map(|first| first.node));
+            answered.whole.push(start.elapsed().as_secs_f64() * 1e3);
+            answered.first.push(out.first().map(|first| first.node));
         }
         // The first one warmed up what is reused.
-        asked.whole.remove(0);
-        asked.first.remove(0);
-        Ok(asked)
+        answered.whole.remove(0);
+        answered.first.remove(0);
+        Ok(answered)
     }
 }
 
-/// Milliseconds of predicting all places on one thread, for buckets not asked for before.
+/// Milliseconds of predicting all places on one thread, for buckets that were not predicted before.
 fn predict(localizer: &Localizer, time: Time) -> Result<Vec<f64>> {
     let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     let ms = (1..=4).map(|hour| {
@@ -343,7 +343,7 @@ fn snapshot(material: &Material, num_nodes: usize) -> Result<Snapshot> {
     Ok(snapshot)
 }
 
-/// Memory of this process, where the system tells.
+/// Memory of this process, where the system reports it.
 fn resident_bytes() -> Option<usize> {
     let statm = std::fs::read_to_string("/proc/self/statm").ok()?;
     let pages: usize = statm.split(' ').nth(1)?.parse().ok()?;

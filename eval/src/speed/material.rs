@@ -1,6 +1,6 @@
 //! Which images and descriptors are the measurements made on?
 //!
-//! Real ones where a dataset is named: every third visit of each place is asked about, counted from the
+//! Real ones where a dataset is named: every third visit of each place is queried, counted from the
 //! last, and the others are learnt. Larger sets are made of them by flipping bits: as many as differ between two sightings
 //! of one feature, a number drawn from what was counted between consecutive visits.
 
@@ -19,8 +19,8 @@ use chronotope::matching::{
 
 /// Visits taken of a place at most: enough to be varied, few enough to wait for.
 const MAX_VISITS: usize = 60;
-/// One visit in so many is asked about, the last one of a place always.
-const ASKED_OF: usize = 3;
+/// One visit in so many is queried, the last one of a place always.
+const QUERY_EVERY: usize = 3;
 /// Images that extraction is timed on at most.
 const MAX_IMAGES: usize = 12;
 
@@ -32,13 +32,13 @@ pub struct Material {
     pub images: Vec<GrayImage>,
     /// Features of learnt images.
     pub learnt: Vec<Features>,
-    /// Features of the images that are asked about.
+    /// Features of the query images.
     pub queries: Vec<Features>,
     /// When those were taken.
     pub times: Vec<Time>,
     /// Which place each learnt image shows.
     pub learnt_places: Vec<usize>,
-    /// Which place each image that is asked about shows.
+    /// Which place each query image shows.
     pub query_places: Vec<usize>,
     /// Bits that differ between two sightings of a feature, one entry a pair of sightings.
     flips: Vec<u16>,
@@ -91,7 +91,7 @@ impl Material {
                 if features.is_empty() {
                     continue;
                 }
-                if (visits.len() - 1 - index).is_multiple_of(ASKED_OF) {
+                if (visits.len() - 1 - index).is_multiple_of(QUERY_EVERY) {
                     material.queries.push(features);
                     material.query_places.push(place);
                     material.times.push(entry.time);
@@ -169,7 +169,7 @@ impl Material {
         let mut flips = self.flips.clone();
         flips.sort_unstable();
         format!(
-            "{}: {} learnt images, {} asked about; {} pairs of sightings differ in {} bits at the median",
+            "{}: {} learnt images, {} queried; {} pairs of sightings differ in {} bits at the median",
             self.name,
             self.learnt.len(),
             self.queries.len(),
@@ -183,7 +183,7 @@ impl Material {
         self.learnt_places[node % self.learnt_places.len()]
     }
 
-    /// `count` descriptors of images that were asked about.
+    /// `count` descriptors of query images.
     pub fn query_descriptors(&self, count: usize) -> Vec<Descriptor> {
         let all = self.queries.iter().flat_map(Features::descriptors);
         all.copied().cycle().take(count).collect()

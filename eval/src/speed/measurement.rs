@@ -122,7 +122,7 @@ pub struct SpeedReport {
     pub commit: String,
     /// Processor, kernel, threads.
     pub machine: String,
-    /// System, caches, memory and load, where the system tells.
+    /// System, caches, memory and load, where the system reports it.
     #[serde(default)]
     pub host: Vec<String>,
     /// The command as typed.

@@ -41,7 +41,7 @@ pub use material::Material;
 pub use measurement::{Measurement, SpeedOptions, SpeedReport, Target, read};
 pub use rivals::Python;
 
-/// Measures what is asked for, prints nothing, writes the files.
+/// Measures what the options name, prints nothing, writes the files.
 pub fn run(options: &SpeedOptions) -> Result<SpeedReport> {
     let mut report = SpeedReport {
         schema_version: 1,
@@ -54,7 +54,7 @@ pub fn run(options: &SpeedOptions) -> Result<SpeedReport> {
         measurements: Vec::new(),
         targets: Vec::new(),
     };
-    eprintln!("learning and asking temporal models");
+    eprintln!("learning and querying temporal models");
     report.measurements.extend(temporal_models()?);
     if !options.only_temporal {
         of_images(options, &mut report)?;
@@ -100,7 +100,7 @@ fn of_images(options: &SpeedOptions, report: &mut SpeedReport) -> Result<()> {
     Ok(())
 }
 
-/// Learning and prediction against their plain twins.
+/// Learning and prediction against their plain duplicates.
 fn temporal_models() -> Result<Vec<Measurement>> {
     const SECTION: &str = "Temporal models, one thread";
     let comparisons = temporal::temporal(&temporal::Sizes::default())?;
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn timing_calls_at_least_as_often_as_asked() {
+    fn timing_calls_at_least_as_often_as_wanted() {
         let mut calls = 0;
         let ms = time(3, || calls += 1);
         assert!(ms.len() >= 3 && calls == ms.len() + 1);

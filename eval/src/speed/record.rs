@@ -43,7 +43,7 @@ pub(super) fn markdown(report: &SpeedReport) -> String {
     text
 }
 
-/// What runs beneath: system, caches, memory, and how busy the machine is, where the system tells.
+/// What runs beneath: system, caches, memory, and how busy the machine is, where the system reports it.
 pub(super) fn host() -> Vec<String> {
     let read = |path: &str| std::fs::read_to_string(path).ok();
     let first_words = |text: &str, count: usize| {

@@ -1,6 +1,6 @@
 //! Which of the speeds that this project promises does the run bear out?
 //!
-//! A target is a ratio of two rows of one run, or a number that a robot's user would ask for. A target whose
+//! A target is a ratio of two rows of one run, or a number that matters to a robot's user. A target whose
 //! rows are not there (no AVX-512, no FAISS, a smaller map) is not judged.
 
 use super::measurement::{Measurement, SpeedReport, Target};
@@ -9,7 +9,7 @@ use super::{end_to_end, extraction, opening, search};
 /// What an approximate search must find of the nearest to be compared.
 pub(super) const ENOUGH: f64 = 0.99;
 
-/// The rows of a report, to be asked for.
+/// The rows of a report, by section, case and subject.
 struct Rows<'a>(&'a [Measurement]);
 
 impl<'a> Rows<'a> {

@@ -30,7 +30,7 @@ pub struct Arm {
     /// Parts of the likelihood that are left out.
     #[serde(default)]
     pub without: Vec<Evidence>,
-    /// Added to the names of models, to tell the arms of an ablation apart.
+    /// Added to the names of models, to distinguish the arms of an ablation.
     pub label: Option<String>,
     /// Whether runs that count matches learn what a count is worth, for the judgement of posteriors;
     /// in suites of many maps that is half of the time.
@@ -118,7 +118,7 @@ impl Arm {
 
     /// Everything to run, in the order of tables; without a clock, only what needs no time.
     ///
-    /// Methods that predict features are run twice where the arm asks for likelihoods too: those go with
+    /// Methods that predict features are run twice where the arm has likelihoods too: those go with
     /// the preset's choice of features, matches are counted on the most likely ones, as in the papers.
     pub fn runs(&self, has_clock: bool) -> Vec<Run> {
         let mut runs = Vec::new();

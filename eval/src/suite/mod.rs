@@ -45,7 +45,7 @@ pub struct Suite {
     /// Its name in commands and files.
     #[serde(skip)]
     pub name: String,
-    /// What it asks, in one line.
+    /// Its question, in one line.
     pub title: String,
     /// A manifest in `datasets/`, or `synthetic`.
     pub dataset: String,
@@ -54,7 +54,7 @@ pub struct Suite {
     /// Numbers of features a place, ascending.
     #[serde(default = "default_sizes")]
     pub sizes: Vec<usize>,
-    /// Whether only re-observation is judged, because telling the places apart is too easy.
+    /// Whether only re-observation is judged, because distinguishing the places is too easy.
     #[serde(default)]
     pub visibility_only: bool,
     /// What is run; nothing in a suite of series, which runs every temporal model.
@@ -70,9 +70,9 @@ fn default_sizes() -> Vec<usize> {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "kind", deny_unknown_fields)]
 pub enum Protocol {
-    /// For each visit number, learn every other visit of each place and ask for that one.
+    /// For each visit number, learn every other visit of each place and query that one.
     LeaveOneVisitOut,
-    /// Learn what is before the manifest's split, ask for what is after it.
+    /// Learn what is before the manifest's split, query what is after it.
     Split,
     /// Single states over time instead of images; see [`series`](crate::series).
     Series {
@@ -88,15 +88,16 @@ pub enum Protocol {
         num_seeds: u64,
         /// Visits of each place that are learnt.
         num_learn: usize,
-        /// Visits of each place that are asked for.
+        /// Visits of each place that are queried.
         num_query: usize,
     },
     /// The datasets of other suites, each by its own protocol, in one run.
     #[serde(rename_all = "kebab-case")]
-    Several {
+    #[serde(rename = "several")]
+    MultiDataset {
         /// Names of these suites.
         suites: Vec<String>,
-        /// Whether each place's queries are also asked with the place left out of the map.
+        /// Whether each place's queries are also answered by a map without the place.
         #[serde(default)]
         leave_place_out: bool,
         /// Of a synthetic suite among them, so many worlds.
@@ -197,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_clock_no_method_asks_for_the_time() {
+    fn without_a_clock_no_method_needs_the_time() {
         let suite = Suite::find("stromovka-loo").unwrap();
         let runs = suite.arms[0].runs(false);
         assert!(runs.iter().all(|run| !run.localizer.method().needs_time()));

@@ -11,8 +11,8 @@ use chronotope_eval::judge::judge_all;
 use chronotope_eval::judge::rates::Tally;
 use chronotope_eval::judge::statistics::Sample;
 use chronotope_eval::results::{
-    Answer, Decision, ELSEWHERE, LeakCheck, Query, Reobservation, RowKey, StageLatency,
-    SuiteResults, Variant,
+    Answer, Decision, LeakCheck, OFF_MAP, Query, Reobservation, RowKey, StageLatency, SuiteResults,
+    Variant,
 };
 
 /// Numbers of features per place of every suite.
@@ -93,7 +93,7 @@ impl Made {
         let mut posterior = BTreeMap::new();
         if self.variant.contains("likelihood") {
             posterior.insert(first.to_owned(), sure);
-            posterior.insert(ELSEWHERE.to_owned(), 1.0 - sure);
+            posterior.insert(OFF_MAP.to_owned(), 1.0 - sure);
         }
         Answer {
             first: Some(first.to_owned()),
@@ -120,7 +120,7 @@ pub(crate) fn sample_results() -> SuiteResults {
     results.machine = "2-core x86-64 with AVX2, 1 thread".into();
     results.command = "chronotope-eval run sample --data DIR --out target/sample".into();
     results.clock = "UTC, one visit a month".into();
-    results.split = "each visit is asked once, the other eleven are learnt".into();
+    results.split = "each visit is queried once, the other eleven are learnt".into();
     results.num_places = Some(PLACES.len() as u32);
     results.num_learnt_images = Some(66);
     results.num_broken_images = Some(1);

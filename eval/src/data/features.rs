@@ -29,7 +29,7 @@ pub struct Extracted {
 
 /// A dataset with the features of its images.
 #[derive(Debug)]
-pub struct Material {
+pub struct ExtractedDataset {
     /// The dataset, without the images that could not be read.
     pub dataset: Dataset,
     /// One for each entry.
@@ -38,7 +38,7 @@ pub struct Material {
     pub extraction_ms: Vec<f64>,
 }
 
-impl Material {
+impl ExtractedDataset {
     /// Extracts the features of every image, or reads them from `cache_dir`; images that cannot be
     /// read move from `entries` to `problems`.
     ///

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail, ensure};
 use chronotope::Time;
 use chronotope::dataset::{Dataset, Manifest, Side};
 
-use super::features::Material;
+use super::features::ExtractedDataset;
 use crate::suite::Protocol;
 
 /// Entries that are learnt and entries that are queried; indices into a dataset.
@@ -86,19 +86,19 @@ pub(crate) fn visit_numbers(dataset: &Dataset) -> Vec<usize> {
 }
 
 /// Learns what was seen before `split`, queries the rest.
-pub(crate) fn split_at(material: &Material, split: Time) -> Fold {
-    let (query, learn) = (0..material.dataset.entries.len())
-        .partition(|&i| material.dataset.entries[i].time >= split);
+pub(crate) fn split_at(data: &ExtractedDataset, split: Time) -> Fold {
+    let (query, learn) =
+        (0..data.dataset.entries.len()).partition(|&i| data.dataset.entries[i].time >= split);
     Fold { learn, query }
 }
 
 /// The fold without learning images that show the same pixels as one of its queries, and their number.
-pub(crate) fn without_duplicates(material: &Material, fold: &Fold) -> (Fold, u32) {
+pub(crate) fn without_duplicates(data: &ExtractedDataset, fold: &Fold) -> (Fold, u32) {
     let queried: HashSet<&[u8; 32]> = (fold.query.iter())
-        .map(|&i| &material.extracted[i].digest)
+        .map(|&i| &data.extracted[i].digest)
         .collect();
     let learn: Vec<usize> = (fold.learn.iter().copied())
-        .filter(|&i| !queried.contains(&material.extracted[i].digest))
+        .filter(|&i| !queried.contains(&data.extracted[i].digest))
         .collect();
     let removed = (fold.learn.len() - learn.len()) as u32;
     let query = fold.query.clone();

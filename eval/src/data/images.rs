@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use chronotope::dataset::{Dataset, Manifest};
 
-use super::features::{Material, extractor};
+use super::features::{ExtractedDataset, extractor};
 use super::folds::{Fold, folds};
 use crate::progress::Progress;
 use crate::suite::Suite;
@@ -15,7 +15,7 @@ pub(crate) fn images(
     suite: &Suite,
     data: Option<&Path>,
     cache: &Path,
-) -> Result<(Material, Vec<Fold>)> {
+) -> Result<(ExtractedDataset, Vec<Fold>)> {
     let manifest = Manifest::find_builtin(&suite.dataset)?;
     let data = data.with_context(|| {
         format!(
@@ -26,8 +26,8 @@ pub(crate) fn images(
     })?;
     let dataset = Dataset::open_with(&manifest, data)?;
     let bar = Progress::new(dataset.entries.len(), "features");
-    let material = Material::new(dataset, &extractor()?, Some(cache), &|| bar.inc())?;
+    let extracted = ExtractedDataset::new(dataset, &extractor()?, Some(cache), &|| bar.inc())?;
     drop(bar);
-    let folds = folds(&suite.protocol, &material.dataset, Some(&manifest))?;
-    Ok((material, folds))
+    let folds = folds(&suite.protocol, &extracted.dataset, Some(&manifest))?;
+    Ok((extracted, folds))
 }

@@ -6,7 +6,7 @@ mod images;
 mod worlds;
 
 pub(crate) use features::extractor;
-pub use features::{Extracted, Material};
+pub use features::{Extracted, ExtractedDataset};
 pub use folds::{Fold, folds};
 pub(crate) use folds::{photograph, split_at, visit_numbers, without_duplicates};
 pub(crate) use images::images;

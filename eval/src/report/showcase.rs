@@ -10,7 +10,7 @@ use super::content::{
     ProbabilityCurve, Raster, RasterRow, TimeAxis,
 };
 use super::headline::Headline;
-use crate::data::Material;
+use crate::data::ExtractedDataset;
 use crate::results::{Answer, RowKey, SuiteResults};
 use crate::run::{Showcase, Shown, SuiteRun, live};
 use anyhow::Result;
@@ -49,7 +49,7 @@ pub fn pictures(run: SuiteRun) -> Result<(SuiteResults, Pictures)> {
     };
     let Shown {
         showcase,
-        material,
+        data,
         prefix,
     } = shown;
     let key = showcase.variant.at(n);
@@ -60,12 +60,12 @@ pub fn pictures(run: SuiteRun) -> Result<(SuiteResults, Pictures)> {
         localizer,
         ..showcase
     };
-    let answered = answered(&results, &material, &key, prefix.as_deref());
+    let answered = answered(&results, &data, &key, prefix.as_deref());
     let pictures = Pictures {
-        features: feature_pictures(&material, &showcase, &answered)?,
-        curves: curves(&material, &showcase),
-        raster: raster(&material, &showcase),
-        mistakes: mistakes(&material, &key, &answered)?,
+        features: feature_pictures(&data, &showcase, &answered)?,
+        curves: curves(&data, &showcase),
+        raster: raster(&data, &showcase),
+        mistakes: mistakes(&data, &key, &answered)?,
     };
     Ok((results, pictures))
 }
@@ -73,12 +73,12 @@ pub fn pictures(run: SuiteRun) -> Result<(SuiteResults, Pictures)> {
 /// Every entry that was queried, with the answer.
 fn answered<'r>(
     results: &'r SuiteResults,
-    material: &Material,
+    data: &ExtractedDataset,
     key: &RowKey,
     prefix: Option<&str>,
 ) -> Vec<(usize, &'r Answer)> {
     let key = key.to_string();
-    let ids: std::collections::BTreeMap<String, usize> = (material.dataset.entries.iter())
+    let ids: std::collections::BTreeMap<String, usize> = (data.dataset.entries.iter())
         .enumerate()
         .map(|(index, entry)| match prefix {
             Some(prefix) => (format!("{prefix}/{}", entry.id), index),
@@ -90,12 +90,12 @@ fn answered<'r>(
         .collect()
 }
 
-fn localize(material: &Material, showcase: &Showcase, entry: usize) -> Result<Localization> {
-    let features = live(material, entry, showcase.num_live);
+fn localize(data: &ExtractedDataset, showcase: &Showcase, entry: usize) -> Result<Localization> {
+    let features = live(data, entry, showcase.num_live);
     let query = Query {
         features: &features,
         time: Some(showcase.times[entry]),
-        image_size: Some(material.extracted[entry].image_size),
+        image_size: Some(data.extracted[entry].image_size),
     };
     Ok(showcase
         .localizer
@@ -104,15 +104,15 @@ fn localize(material: &Material, showcase: &Showcase, entry: usize) -> Result<Lo
 
 /// The clearest, the median and the least clear of the right answers in the first fold.
 fn feature_pictures(
-    material: &Material,
+    data: &ExtractedDataset,
     showcase: &Showcase,
     answered: &[(usize, &Answer)],
 ) -> Result<Vec<FeaturePicture>> {
     let mut right = Vec::new();
     for &(entry, answer) in answered {
-        let truth = material.dataset.entries[entry].place.as_str();
+        let truth = data.dataset.entries[entry].place.as_str();
         if showcase.fold.query.contains(&entry) && answer.wrong(Some(truth)) == 0.0 {
-            let found = localize(material, showcase, entry)?;
+            let found = localize(data, showcase, entry)?;
             right.push((
                 found.first().map_or(0, |first| first.num_inliers),
                 entry,
@@ -127,20 +127,20 @@ fn feature_pictures(
         .collect();
     shown.dedup();
     (shown.into_iter().filter_map(|i| right.get(i)))
-        .map(|(_, entry, found)| feature_picture(material, showcase, *entry, found))
+        .map(|(_, entry, found)| feature_picture(data, showcase, *entry, found))
         .collect()
 }
 
 fn feature_picture(
-    material: &Material,
+    data: &ExtractedDataset,
     showcase: &Showcase,
     entry: usize,
     found: &Localization,
 ) -> Result<FeaturePicture> {
-    let queried = &material.dataset.entries[entry];
-    let live = live(material, entry, showcase.num_live);
+    let queried = &data.dataset.entries[entry];
+    let live = live(data, entry, showcase.num_live);
     let mut features = Vec::new();
-    let mut title = format!("{}, {}", queried.place, when(&material.dataset, queried));
+    let mut title = format!("{}, {}", queried.place, when(&data.dataset, queried));
     if let Some(first) = found.first() {
         let mut is_used = vec![false; live.len()];
         let mut is_found = vec![false; first.predicted.len()];
@@ -197,7 +197,7 @@ fn feature_picture(
 }
 
 /// The features that change most; see [`telling`].
-fn curves(material: &Material, showcase: &Showcase) -> Vec<ProbabilityCurve> {
+fn curves(data: &ExtractedDataset, showcase: &Showcase) -> Vec<ProbabilityCurve> {
     let Some(query_time) = query_time(showcase) else {
         return Vec::new();
     };
@@ -206,7 +206,7 @@ fn curves(material: &Material, showcase: &Showcase) -> Vec<ProbabilityCurve> {
         .filter_map(|(id, feature)| {
             let model = showcase.localizer.model(id)?;
             Some(curve(
-                material,
+                data,
                 showcase,
                 snapshot.node(id),
                 model,
@@ -225,12 +225,12 @@ fn query_time(showcase: &Showcase) -> Option<Time> {
 
 /// The place of the most informative feature: its features that were seen most often, those that were
 /// seen early above.
-fn raster(material: &Material, showcase: &Showcase) -> Option<Raster> {
+fn raster(data: &ExtractedDataset, showcase: &Showcase) -> Option<Raster> {
     let (id, _) = telling(&showcase.localizer, 1).into_iter().next()?;
     let model = showcase.localizer.model(id)?;
     let node = showcase.localizer.snapshot().node(id);
     let times = node.log.times();
-    let along = along(material, showcase);
+    let along = along(data, showcase);
     // The latest visits, if they are too many.
     let visits = times.len().saturating_sub(MAX_RASTER_VISITS)..times.len();
     let mut rows: Vec<(usize, f64, RasterRow)> = (0..model.num_features())
@@ -256,7 +256,7 @@ fn raster(material: &Material, showcase: &Showcase) -> Option<Raster> {
     Some(Raster {
         place: node.key.as_str().to_owned(),
         num_features: model.num_features(),
-        axis: axis(material),
+        axis: axis(data),
         times: times[visits].iter().map(|&time| along(time)).collect(),
         rows: rows.into_iter().map(|(.., row)| row).collect(),
     })
@@ -271,16 +271,16 @@ fn seen(node: &Node, visit: usize, feature: usize) -> Option<bool> {
     }
 }
 
-fn axis(material: &Material) -> TimeAxis {
-    match material.dataset.clock {
+fn axis(data: &ExtractedDataset) -> TimeAxis {
+    match data.dataset.clock {
         Clock::Real => TimeAxis::UnixSeconds,
         Clock::None => TimeAxis::VisitIndex,
     }
 }
 
 /// Where times lie on [`axis`]: seconds, or the number of the visit, from 1, where the index is no clock.
-fn along<'a>(material: &Material, showcase: &'a Showcase) -> impl Fn(Time) -> f64 + use<'a> {
-    let is_clock = material.dataset.clock == Clock::Real;
+fn along<'a>(data: &ExtractedDataset, showcase: &'a Showcase) -> impl Fn(Time) -> f64 + use<'a> {
+    let is_clock = data.dataset.clock == Clock::Real;
     let mut visits = showcase.times.clone();
     visits.sort_unstable();
     visits.dedup();
@@ -301,14 +301,14 @@ fn along<'a>(material: &Material, showcase: &'a Showcase) -> impl Fn(Time) -> f6
 }
 
 fn curve(
-    material: &Material,
+    data: &ExtractedDataset,
     showcase: &Showcase,
     node: &Node,
     model: &dyn VisibilityModel,
     feature: usize,
     query_time: Time,
 ) -> ProbabilityCurve {
-    let along = along(material, showcase);
+    let along = along(data, showcase);
     let times = node.log.times();
     let ends = times.iter().chain(std::iter::once(&query_time));
     let start = ends.clone().min().copied().unwrap_or_default();
@@ -323,7 +323,7 @@ fn curve(
             seen,
         })
         .collect();
-    let spectrum = match material.dataset.clock {
+    let spectrum = match data.dataset.clock {
         Clock::Real => SpectrumSheet::of(times, &history),
         Clock::None => SpectrumSheet::default(),
     };
@@ -347,7 +347,7 @@ fn curve(
                 None => "no rhythm".into(),
             }
         ),
-        axis: axis(material),
+        axis: axis(data),
         observations,
         curve,
         spectrum,
@@ -368,11 +368,11 @@ fn decided(showcase: &Showcase, found: &Localization) -> String {
 }
 
 fn mistakes(
-    material: &Material,
+    data: &ExtractedDataset,
     key: &RowKey,
     answered: &[(usize, &Answer)],
 ) -> Result<Vec<Mistake>> {
-    let entries = &material.dataset.entries;
+    let entries = &data.dataset.entries;
     let mut wrong: Vec<(f64, usize, &Answer)> = (answered.iter())
         .map(|&(entry, answer)| {
             (
@@ -407,11 +407,11 @@ fn mistakes(
                 ),
                 query: GalleryImage {
                     image: Some(queried.source.load()?),
-                    caption: format!("{}, {}", queried.place, when(&material.dataset, queried)),
+                    caption: format!("{}, {}", queried.place, when(&data.dataset, queried)),
                 },
-                truth: nearest(&material.dataset, entry, queried.place.as_str())?,
+                truth: nearest(&data.dataset, entry, queried.place.as_str())?,
                 answered: match &answer.first {
-                    Some(place) => nearest(&material.dataset, entry, place)?,
+                    Some(place) => nearest(&data.dataset, entry, place)?,
                     None => GalleryImage {
                         image: None,
                         caption: "no place scored".into(),

@@ -11,7 +11,7 @@ use super::options::RunOptions;
 use super::showcase::{Showcase, Shown, SuiteRun};
 use super::tallies::{NamedQuery, Tallies};
 use super::timing::time;
-use crate::data::{Fold, Material, images, photograph, without_duplicates};
+use crate::data::{ExtractedDataset, Fold, images, photograph, without_duplicates};
 use crate::judge::statistics::p50_p99;
 use crate::progress::Progress;
 use crate::results::{LeakCheck, StageLatency, SuiteResults};
@@ -57,20 +57,19 @@ impl<'s> DatasetRun<'s> {
     /// called once per fold and arm.
     pub(super) fn add(
         &mut self,
-        material: &Material,
+        data: &ExtractedDataset,
         folds: &[Fold],
         prefix: Option<&str>,
         progress: &(impl Fn() + Sync),
     ) -> Result<()> {
-        self.has_clock = material.dataset.clock == Clock::Real;
-        self.leaks.num_checked += material.extracted.len() as u32;
-        self.num_broken += material.dataset.problems.len();
-        self.num_places = self.num_places.max(material.dataset.places().len());
-        self.extraction_ms
-            .extend_from_slice(&material.extraction_ms);
+        self.has_clock = data.dataset.clock == Clock::Real;
+        self.leaks.num_checked += data.extracted.len() as u32;
+        self.num_broken += data.dataset.problems.len();
+        self.num_places = self.num_places.max(data.dataset.places().len());
+        self.extraction_ms.extend_from_slice(&data.extraction_ms);
         let mut checked = Vec::with_capacity(folds.len());
         for fold in folds {
-            let (fold, removed) = without_duplicates(material, fold);
+            let (fold, removed) = without_duplicates(data, fold);
             self.leaks.num_removed += removed;
             self.num_learnt.push(fold.learn.len());
             checked.push(fold);
@@ -81,7 +80,7 @@ impl<'s> DatasetRun<'s> {
             let num_runs = runs.len();
             let answers: Vec<Vec<(usize, Vec<RunAnswers>)>> = (checked.par_iter())
                 .map(|fold| {
-                    let answers = run_fold(material, fold, arm, &runs, &self.suite.sizes);
+                    let answers = run_fold(data, fold, arm, &runs, &self.suite.sizes);
                     progress();
                     answers
                 })
@@ -89,13 +88,13 @@ impl<'s> DatasetRun<'s> {
             let default = shipped(self.has_clock);
             self.tallies.register(arm, runs, first_run, &default);
             for (entry, answers) in answers.into_iter().flatten() {
-                let query = named(material, entry, prefix);
+                let query = named(data, entry, prefix);
                 self.tallies.collect(&query, first_run, answers);
             }
             if !self.is_timed
                 && let Some(fold) = checked.first()
             {
-                self.time(material, fold, arm, first_run)?;
+                self.time(data, fold, arm, first_run)?;
             }
             first_run += num_runs;
         }
@@ -106,23 +105,23 @@ impl<'s> DatasetRun<'s> {
     /// Times single answers of every run of the arm, and chooses what is shown.
     fn time(
         &mut self,
-        material: &Material,
+        data: &ExtractedDataset,
         fold: &Fold,
         arm: &Arm,
         first_run: usize,
     ) -> Result<()> {
-        let times = times(&material.dataset, arm)?;
-        let snapshot = learn(material, fold, arm, &times)?;
+        let times = times(&data.dataset, arm)?;
+        let snapshot = learn(data, fold, arm, &times)?;
         let num_live = LearnConfig::preset(arm.preset).features_per_visit();
         let step = fold.query.len().div_ceil(NUM_TIMED).max(1);
         let timed: Vec<_> = (fold.query.iter().step_by(step))
-            .map(|&entry| (entry, live(material, entry, num_live)))
+            .map(|&entry| (entry, live(data, entry, num_live)))
             .collect();
         let queries: Vec<Query<'_>> = (timed.iter())
             .map(|(entry, features)| Query {
                 features,
                 time: Some(times[*entry]),
-                image_size: Some(material.extracted[*entry].image_size),
+                image_size: Some(data.extracted[*entry].image_size),
             })
             .collect();
         let runs = arm.runs(self.has_clock);
@@ -167,8 +166,8 @@ impl<'s> DatasetRun<'s> {
 }
 
 /// The query of an entry; cut-outs of one photograph, and all images of one world, are alike.
-fn named(material: &Material, entry: usize, prefix: Option<&str>) -> NamedQuery {
-    let entry = &material.dataset.entries[entry];
+fn named(data: &ExtractedDataset, entry: usize, prefix: Option<&str>) -> NamedQuery {
+    let entry = &data.dataset.entries[entry];
     let (id, group) = match prefix {
         Some(prefix) => (format!("{prefix}/{}", entry.id), Some(prefix)),
         None => (entry.id.clone(), photograph(&entry.id)),
@@ -214,23 +213,23 @@ fn latency(results: &SuiteResults, extraction_ms: &[f64]) -> Vec<StageLatency> {
 
 /// Runs a suite of one dataset of images.
 pub(super) fn run_images(suite: &Suite, options: &RunOptions) -> Result<SuiteRun> {
-    let (material, folds) = images(suite, options.data.as_deref(), &options.cache)?;
-    let mut results = SuiteResults::new(&suite.name, &material.dataset.name);
-    results.dataset_sha256 = material.dataset.sha256();
+    let (data, folds) = images(suite, options.data.as_deref(), &options.cache)?;
+    let mut results = SuiteResults::new(&suite.name, &data.dataset.name);
+    results.dataset_sha256 = data.dataset.sha256();
     results.split = describe(&suite.protocol, &folds);
     let mut run = DatasetRun::new(suite);
     let bar = Progress::new(folds.len() * suite.arms.len(), "folds");
-    run.add(&material, &folds, None, &|| bar.inc())?;
+    run.add(&data, &folds, None, &|| bar.inc())?;
     drop(bar);
     let showcase = run.finish(&mut results);
     results
         .notes
-        .extend(material.dataset.problems.iter().map(ToString::to_string));
+        .extend(data.dataset.problems.iter().map(ToString::to_string));
     Ok(SuiteRun {
         results,
         shown: showcase.map(|showcase| Shown {
             showcase,
-            material,
+            data,
             prefix: None,
         }),
     })

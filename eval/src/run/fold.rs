@@ -16,7 +16,7 @@ use chronotope::map::{MapMeta, NodeId, SessionId, Snapshot, derived_uuid};
 use chronotope::predict::Choice;
 use rayon::prelude::*;
 
-use crate::data::{Fold, Material, visit_numbers};
+use crate::data::{ExtractedDataset, Fold, visit_numbers};
 use crate::results::{self, Answer};
 use crate::suite::{Arm, Run};
 
@@ -37,8 +37,8 @@ pub(crate) struct RunAnswers {
 }
 
 /// The strongest features of an image.
-pub(crate) fn live(material: &Material, entry: usize, num_live: usize) -> Features {
-    let mut features = material.extracted[entry].features.clone();
+pub(crate) fn live(data: &ExtractedDataset, entry: usize, num_live: usize) -> Features {
+    let mut features = data.extracted[entry].features.clone();
     features.truncate(num_live);
     features
 }
@@ -56,26 +56,26 @@ pub(crate) fn times(dataset: &Dataset, arm: &Arm) -> Result<Vec<Time>> {
 
 /// Learns the map of one fold.
 pub(crate) fn learn(
-    material: &Material,
+    data: &ExtractedDataset,
     fold: &Fold,
     arm: &Arm,
     times: &[Time],
 ) -> Result<Arc<Snapshot>> {
     let meta = MapMeta::new(
-        derived_uuid(&material.dataset.name),
+        derived_uuid(&data.dataset.name),
         "evaluation",
         arm.preset.name(),
     );
     let cfg = LearnConfig::preset(arm.preset).with_keep_appearances(KeepAppearances::All);
     let mut learner = Learner::new(cfg, meta);
     for &index in &fold.learn {
-        let entry = &material.dataset.entries[index];
+        let entry = &data.dataset.entries[index];
         learner.observe(&Observation {
             place: entry.place.clone(),
-            session: SessionId::derive(&material.dataset.name),
+            session: SessionId::derive(&data.dataset.name),
             time: times[index],
-            features: &material.extracted[index].features,
-            image_size: material.extracted[index].image_size,
+            features: &data.extracted[index].features,
+            image_size: data.extracted[index].image_size,
             mask: None,
             source: entry.id.clone(),
         })?;
@@ -85,14 +85,14 @@ pub(crate) fn learn(
 
 /// Learns the fold's map and answers every query of the fold: its entry with the answers of each run.
 pub(crate) fn run_fold(
-    material: &Material,
+    data: &ExtractedDataset,
     fold: &Fold,
     arm: &Arm,
     runs: &[Run],
     sizes: &[usize],
 ) -> Result<Vec<(usize, Vec<RunAnswers>)>> {
-    let times = times(&material.dataset, arm)?;
-    let snapshot = learn(material, fold, arm, &times)?;
+    let times = times(&data.dataset, arm)?;
+    let snapshot = learn(data, fold, arm, &times)?;
     let localizers = localizers(&snapshot, runs)?;
     let num_live = LearnConfig::preset(arm.preset).features_per_visit();
     (fold.query.par_iter())
@@ -101,13 +101,13 @@ pub(crate) fn run_fold(
             |(scratch, sweep), &entry| {
                 let sweep = sweep.as_mut().map_err(|error| anyhow::anyhow!("{error}"))?;
                 sweep.restart();
-                let live = live(material, entry, num_live);
+                let live = live(data, entry, num_live);
                 let query = Query {
                     features: &live,
                     time: Some(times[entry]),
-                    image_size: Some(material.extracted[entry].image_size),
+                    image_size: Some(data.extracted[entry].image_size),
                 };
-                let truth = snapshot.find(&material.dataset.entries[entry].place);
+                let truth = snapshot.find(&data.dataset.entries[entry].place);
                 let said = (localizers.iter())
                     .zip(runs)
                     .map(|(localizer, run)| {

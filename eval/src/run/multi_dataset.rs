@@ -20,7 +20,8 @@ use super::fold::{RunAnswers, run_fold};
 use super::options::RunOptions;
 use super::tallies::{NamedQuery, Tallies};
 use crate::data::{
-    Fold, Material, Worlds, extractor, images, photograph, prefix, split_at, without_duplicates,
+    ExtractedDataset, Fold, Worlds, extractor, images, photograph, prefix, split_at,
+    without_duplicates,
 };
 use crate::judge::rates::PairedDifference;
 use crate::progress::Progress;
@@ -51,7 +52,7 @@ struct Part {
     prefix: String,
     /// Whether all of it is one group, as the images of one world are.
     is_group: bool,
-    material: Material,
+    data: ExtractedDataset,
     folds: Vec<Fold>,
 }
 
@@ -72,7 +73,7 @@ impl MultiDataset<'_> {
         let mut without_clock = BTreeSet::new();
         for name in self.suites {
             for part in self.part(name, options)? {
-                let dataset = &part.material.dataset;
+                let dataset = &part.data.dataset;
                 digest.push_str(&dataset.sha256());
                 leaks.num_checked += dataset.entries.len() as u32;
                 num_broken += dataset.problems.len() as u32;
@@ -124,11 +125,11 @@ impl MultiDataset<'_> {
             ..
         } = suite.protocol
         else {
-            let (material, folds) = images(&suite, options.data.as_deref(), &options.cache)?;
+            let (data, folds) = images(&suite, options.data.as_deref(), &options.cache)?;
             return Ok(vec![Part {
                 prefix: name.to_owned(),
                 is_group: false,
-                material,
+                data,
                 folds,
             }]);
         };
@@ -140,12 +141,12 @@ impl MultiDataset<'_> {
         (1..=self.num_seeds)
             .map(|seed| {
                 let (dataset, split) = worlds.world(seed, true, name)?;
-                let material = Material::new(dataset, &extractor()?, None, &|| {})?;
+                let data = ExtractedDataset::new(dataset, &extractor()?, None, &|| {})?;
                 Ok(Part {
                     prefix: format!("{name}/{}", prefix(seed)),
                     is_group: true,
-                    folds: vec![split_at(&material, split)],
-                    material,
+                    folds: vec![split_at(&data, split)],
+                    data,
                 })
             })
             .collect()
@@ -155,10 +156,10 @@ impl MultiDataset<'_> {
     fn run_part(&self, suite: &Suite, part: &Part, tallies: &mut Tallies<'_>) -> Result<u32> {
         let (mut cases, mut num_removed) = (Vec::new(), 0);
         for fold in &part.folds {
-            let (fold, removed) = without_duplicates(&part.material, fold);
+            let (fold, removed) = without_duplicates(&part.data, fold);
             num_removed += removed;
             if self.leave_place_out {
-                cases.extend(places_left_out(&part.material, &fold));
+                cases.extend(places_left_out(&part.data, &fold));
             }
             cases.push(Case {
                 fold,
@@ -169,14 +170,14 @@ impl MultiDataset<'_> {
         let default = LocalizerConfig::default();
         let mut first_run = 0;
         for arm in &suite.arms {
-            let runs = match part.material.dataset.clock {
+            let runs = match part.data.dataset.clock {
                 Clock::Real => arm.runs(true),
                 Clock::None => arm.runs_without_clock(),
             };
             let (distinct, of_run) = distinct(&runs);
             let said: Vec<Vec<(usize, Vec<RunAnswers>)>> = (cases.par_iter())
                 .map(|case| {
-                    let said = run_fold(&part.material, &case.fold, arm, &distinct, &suite.sizes);
+                    let said = run_fold(&part.data, &case.fold, arm, &distinct, &suite.sizes);
                     bar.inc();
                     said
                 })
@@ -197,8 +198,8 @@ impl MultiDataset<'_> {
 }
 
 /// One case per place of the fold's queries: learnt without it, queried for it.
-fn places_left_out(material: &Material, fold: &Fold) -> Vec<Case> {
-    let place = |entry: usize| &material.dataset.entries[entry].place;
+fn places_left_out(data: &ExtractedDataset, fold: &Fold) -> Vec<Case> {
+    let place = |entry: usize| &data.dataset.entries[entry].place;
     let places: BTreeSet<_> = fold.query.iter().map(|&entry| place(entry)).collect();
     (places.into_iter())
         .map(|left_out| {
@@ -236,7 +237,7 @@ fn distinct(runs: &[Run]) -> (Vec<Run>, Vec<usize>) {
 
 /// The query of an entry as the case has it.
 fn named(part: &Part, case: &Case, entry: usize) -> NamedQuery {
-    let entry = &part.material.dataset.entries[entry];
+    let entry = &part.data.dataset.entries[entry];
     let in_map_id = format!("{}/{}", part.prefix, entry.id);
     let group = if part.is_group {
         part.prefix.clone()
@@ -303,21 +304,21 @@ mod tests {
             query: 1,
         };
         let (dataset, split) = worlds.world(1, true, "synthetic").unwrap();
-        let material = Material::new(dataset, &extractor().unwrap(), None, &|| {}).unwrap();
+        let data = ExtractedDataset::new(dataset, &extractor().unwrap(), None, &|| {}).unwrap();
         Part {
             prefix: "synthetic/seed 01".into(),
             is_group: true,
-            folds: vec![split_at(&material, split)],
-            material,
+            folds: vec![split_at(&data, split)],
+            data,
         }
     }
 
     #[test]
     fn an_out_of_map_query_meets_a_map_that_never_saw_its_place() {
         let part = part();
-        let cases = places_left_out(&part.material, &part.folds[0]);
-        let place = |entry: &usize| part.material.dataset.entries[*entry].place.clone();
-        assert_eq!(cases.len(), part.material.dataset.places().len());
+        let cases = places_left_out(&part.data, &part.folds[0]);
+        let place = |entry: &usize| part.data.dataset.entries[*entry].place.clone();
+        assert_eq!(cases.len(), part.data.dataset.places().len());
         let num_queries: usize = cases.iter().map(|case| case.fold.query.len()).sum();
         assert_eq!(num_queries, part.folds[0].query.len());
         for Case {

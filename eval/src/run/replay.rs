@@ -24,7 +24,9 @@ use chronotope::map::Snapshot;
 
 use super::fold::{learn, times};
 use super::options::RunOptions;
-use crate::data::{Fold, Material, Worlds, extractor, images, split_at, without_duplicates};
+use crate::data::{
+    ExtractedDataset, Fold, Worlds, extractor, images, split_at, without_duplicates,
+};
 use crate::progress::Progress;
 use crate::suite::{Arm, Protocol, Run, Suite, shipped};
 
@@ -35,7 +37,7 @@ pub fn replay(
     record: &mut dyn FnMut(&Trace<'_>) -> Result<()>,
 ) -> Result<usize> {
     check(suite)?;
-    let (material, folds) = match &suite.protocol {
+    let (data, folds) = match &suite.protocol {
         Protocol::Synthetic {
             num_learn,
             num_query,
@@ -47,15 +49,15 @@ pub fn replay(
                 query: *num_query,
             };
             let (dataset, split) = worlds.world(1, true, "synthetic")?;
-            let material = Material::new(dataset, &extractor()?, None, &|| {})?;
-            let fold = split_at(&material, split);
-            (material, vec![fold])
+            let data = ExtractedDataset::new(dataset, &extractor()?, None, &|| {})?;
+            let fold = split_at(&data, split);
+            (data, vec![fold])
         }
         _ => images(suite, options.data.as_deref(), &options.cache)?,
     };
-    let (arm, run) = shown(suite, &material)?;
+    let (arm, run) = shown(suite, &data)?;
     let mut replay = Replay {
-        material: &material,
+        data: &data,
         arm,
         run,
         extractor: extractor()?,
@@ -65,7 +67,7 @@ pub fn replay(
     let bar = Progress::new(folds.len(), "replay");
     let mut num = 0;
     for fold in &folds {
-        num += replay.fold(&without_duplicates(&material, fold).0)?;
+        num += replay.fold(&without_duplicates(&data, fold).0)?;
         bar.inc();
     }
     drop(bar);
@@ -112,8 +114,8 @@ pub fn record(suite: &Suite, options: &RunOptions, path: &Path) -> Result<usize>
 }
 
 /// The shipped default where the suite runs it, else the first model that knows of time, else the first.
-fn shown<'s>(suite: &'s Suite, material: &Material) -> Result<(&'s Arm, Run)> {
-    let has_clock = material.dataset.clock == chronotope::dataset::Clock::Real;
+fn shown<'s>(suite: &'s Suite, data: &ExtractedDataset) -> Result<(&'s Arm, Run)> {
+    let has_clock = data.dataset.clock == chronotope::dataset::Clock::Real;
     let runs: Vec<(&Arm, Run)> = (suite.arms.iter())
         .flat_map(|arm| arm.runs(has_clock).into_iter().map(move |run| (arm, run)))
         .collect();
@@ -129,7 +131,7 @@ fn shown<'s>(suite: &'s Suite, material: &Material) -> Result<(&'s Arm, Run)> {
 }
 
 struct Replay<'a, E> {
-    material: &'a Material,
+    data: &'a ExtractedDataset,
     arm: &'a Arm,
     run: Run,
     extractor: E,
@@ -140,9 +142,9 @@ struct Replay<'a, E> {
 impl<E: Extractor> Replay<'_, E> {
     /// Learns a fold and answers each of its queries; returns their number.
     fn fold(&mut self, fold: &Fold) -> Result<usize> {
-        let dataset = &self.material.dataset;
+        let dataset = &self.data.dataset;
         let times = times(dataset, self.arm)?;
-        let mut snapshot = Snapshot::clone(&*learn(self.material, fold, self.arm, &times)?);
+        let mut snapshot = Snapshot::clone(&*learn(self.data, fold, self.arm, &times)?);
         for node in &mut snapshot.nodes {
             if let Some(&pose) = dataset.poses.get(&node.key) {
                 Arc::make_mut(node).pose = Some(pose);

@@ -3,7 +3,7 @@
 use chronotope::Time;
 use chronotope::localize::{Localizer, Method};
 
-use crate::data::{Fold, Material};
+use crate::data::{ExtractedDataset, Fold};
 use crate::results::{SuiteResults, Variant};
 
 /// One localizer with the first fold that it answered.
@@ -45,7 +45,7 @@ pub struct Shown {
     /// The localizer.
     pub showcase: Showcase,
     /// The images of its fold.
-    pub material: Material,
+    pub data: ExtractedDataset,
     /// What the ids of their queries begin with, where one dataset of several is shown.
     pub prefix: Option<String>,
 }

@@ -6,7 +6,7 @@ use chronotope::localize::Score;
 use super::dataset::DatasetRun;
 use super::showcase::{Shown, SuiteRun};
 use super::truth::visibility_errors;
-use crate::data::{Material, Worlds, extractor, prefix, split_at};
+use crate::data::{ExtractedDataset, Worlds, extractor, prefix, split_at};
 use crate::judge::rates::PairedDifference;
 use crate::progress::Progress;
 use crate::provenance::sha256;
@@ -53,10 +53,10 @@ fn run_with(suite: &Suite, worlds: &Worlds, rhythms: bool) -> Result<SuiteRun> {
     for seed in 1..=worlds.seeds {
         let (dataset, split) = worlds.world(seed, rhythms, name)?;
         digest.push_str(&dataset.sha256());
-        let material = Material::new(dataset, &extractor, None, &|| {})?;
-        let fold = split_at(&material, split);
-        run.add(&material, &[fold], Some(&prefix(seed)), &|| {})?;
-        shown.get_or_insert(material);
+        let data = ExtractedDataset::new(dataset, &extractor, None, &|| {})?;
+        let fold = split_at(&data, split);
+        run.add(&data, &[fold], Some(&prefix(seed)), &|| {})?;
+        shown.get_or_insert(data);
         bar.inc();
     }
     drop(bar);
@@ -68,9 +68,9 @@ fn run_with(suite: &Suite, worlds: &Worlds, rhythms: bool) -> Result<SuiteRun> {
     );
     Ok(SuiteRun {
         results,
-        shown: showcase.zip(shown).map(|(showcase, material)| Shown {
+        shown: showcase.zip(shown).map(|(showcase, data)| Shown {
             showcase,
-            material,
+            data,
             prefix: Some(prefix(1)),
         }),
     })

@@ -35,7 +35,7 @@ pub struct Series {
 
 /// The series of a suite with their digest and what should be known of them.
 #[derive(Clone, Debug)]
-pub struct Material {
+pub struct SeriesDataset {
     /// The series.
     pub series: Vec<Series>,
     /// Of the bytes of all files.
@@ -56,19 +56,19 @@ const MIN_TRAVERSALS: usize = 50;
 const LEARNT_SHARE: f64 = 0.7;
 
 /// Reads the series of `form` in `data`, which is their folder or one that holds it (also as `series/`).
-pub fn read(form: Form, data: &Path) -> Result<Material> {
+pub fn read(form: Form, data: &Path) -> Result<SeriesDataset> {
     let mut files = Files {
         folder: folder(form, data)?,
         digest: Sha256::new(),
     };
-    let mut material = match form {
+    let mut dataset = match form {
         Form::Door => door(&mut files)?,
         Form::Door2016 => door2016(&mut files)?,
         Form::Aruba => aruba(&mut files)?,
         Form::Edges => edges(&mut files)?,
     };
-    material.sha256 = hex(&files.digest.finalize());
-    Ok(material)
+    dataset.sha256 = hex(&files.digest.finalize());
+    Ok(dataset)
 }
 
 /// The first of the possible folders that exists.
@@ -135,7 +135,7 @@ impl Files {
     }
 }
 
-fn door(files: &mut Files) -> Result<Material> {
+fn door(files: &mut Files) -> Result<SeriesDataset> {
     let learn = files.table("week.csv.gz", A_MONDAY)?;
     let parts = ["day7", "day8"].map(|name| -> Result<Part> {
         Ok(Part {
@@ -143,7 +143,7 @@ fn door(files: &mut Files) -> Result<Material> {
             states: files.table(&format!("{name}.csv.gz"), A_MONDAY)?,
         })
     });
-    Ok(Material {
+    Ok(SeriesDataset {
         series: vec![Series {
             name: "door".into(),
             learn,
@@ -155,10 +155,10 @@ fn door(files: &mut Files) -> Result<Material> {
     })
 }
 
-fn door2016(files: &mut Files) -> Result<Material> {
+fn door2016(files: &mut Files) -> Result<SeriesDataset> {
     let learn = files.table("learn_10_weeks.csv.gz", Time::from_s(0))?;
     let states = files.table("test_week_1.csv.gz", Time::from_s(0))?;
-    Ok(Material {
+    Ok(SeriesDataset {
         series: vec![Series {
             name: "door2016".into(),
             learn,
@@ -173,7 +173,7 @@ fn door2016(files: &mut Files) -> Result<Material> {
     })
 }
 
-fn aruba(files: &mut Files) -> Result<Material> {
+fn aruba(files: &mut Files) -> Result<SeriesDataset> {
     const LEARNT_MINUTES: usize = 12 * 7 * 24 * 60;
     let names = files.text("location.names")?;
     let text = files.text("location.min")?;
@@ -200,7 +200,7 @@ fn aruba(files: &mut Files) -> Result<Material> {
                 .collect(),
         }],
     });
-    Ok(Material {
+    Ok(SeriesDataset {
         series: series.collect(),
         sha256: String::new(),
         split: "presence in each room, a sample a minute: weeks 1 to 12 learnt, 13 to 16 queried"
@@ -217,7 +217,7 @@ fn aruba(files: &mut Files) -> Result<Material> {
     })
 }
 
-fn edges(files: &mut Files) -> Result<Material> {
+fn edges(files: &mut Files) -> Result<SeriesDataset> {
     let mut names: Vec<String> = (std::fs::read_dir(&files.folder)?)
         .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
         .filter(|name| {
@@ -262,7 +262,7 @@ fn edges(files: &mut Files) -> Result<Material> {
         "{} has no edges",
         files.folder.display()
     );
-    Ok(Material {
+    Ok(SeriesDataset {
         split: format!(
             "success of traversals of {} edges: the first 70 % of each learnt, the rest queried",
             series.len()

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use chronotope::{Period, Time};
 
-use super::data::{Material, Series, State};
+use super::data::{Series, SeriesDataset, State};
 use super::models::{BASELINE, DEFAULT, Instant, forecasts};
 use super::results::Drawing;
 use super::sampling::Sampling;
@@ -16,14 +16,14 @@ const NUM_DRAWN: usize = 700;
 const MAX_DRAWN: usize = 4;
 
 /// p(t) of three models over the query time, learnt from everything and from office hours.
-pub(super) fn drawings(material: &Material, share: f64) -> Result<Vec<Drawing>> {
+pub(super) fn drawings(dataset: &SeriesDataset, share: f64) -> Result<Vec<Drawing>> {
     const DRAWN: [(&str, Order); 3] = [
         (BASELINE, Order::Fixed(0)),
         ("fremen-running-mean", Order::Fixed(2)),
         (DEFAULT, Order::Auto),
     ];
     // The liveliest series, since one that never changes shows nothing.
-    let mut series: Vec<&Series> = material.series.iter().collect();
+    let mut series: Vec<&Series> = dataset.series.iter().collect();
     let variance = |series: &Series| {
         let ones = series.learn.iter().filter(|state| state.1).count();
         let share = ones as f64 / series.learn.len().max(1) as f64;

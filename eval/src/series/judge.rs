@@ -4,7 +4,7 @@ use anyhow::Result;
 use chronotope::Period;
 use rayon::prelude::*;
 
-use super::data::{Material, Part, Series};
+use super::data::{Part, Series, SeriesDataset};
 use super::drawing::drawings;
 use super::models::{BASELINE, DEFAULT, forecasts};
 use super::results::{Row, SCHEMA_VERSION, SeriesResults};
@@ -18,11 +18,11 @@ use crate::suite::Suite;
 /// With fewer days than this among the queries, blocks are hours.
 const MIN_DAYS: usize = 5;
 
-pub(super) fn judge(suite: &Suite, material: &Material, share: f64) -> Result<SeriesResults> {
-    let block = block(&material.series);
+pub(super) fn judge(suite: &Suite, dataset: &SeriesDataset, share: f64) -> Result<SeriesResults> {
+    let block = block(&dataset.series);
     let tasks: Vec<(Sampling, &Series, u64)> = (Sampling::ALL.into_iter())
         .flat_map(|sampling| {
-            let series = material.series.iter();
+            let series = dataset.series.iter();
             series.flat_map(move |series| {
                 (0..sampling.num_draws()).map(move |draw| (sampling, series, draw))
             })
@@ -72,7 +72,7 @@ pub(super) fn judge(suite: &Suite, material: &Material, share: f64) -> Result<Se
             }
         }
         // A model that some of the series do not allow would be compared on others than the rest.
-        let is_complete = |num: &usize| *num == material.series.len();
+        let is_complete = |num: &usize| *num == dataset.series.len();
         let complete: Vec<&Score> = (total.iter().zip(&num_series))
             .filter(|(_, num)| is_complete(num))
             .map(|(score, _)| score)
@@ -80,7 +80,7 @@ pub(super) fn judge(suite: &Suite, material: &Material, share: f64) -> Result<Se
         let Some(mean) = complete.iter().find(|score| score.model == BASELINE) else {
             continue;
         };
-        let parts = material
+        let parts = dataset
             .series
             .first()
             .map_or(&[][..], |series| &series.parts);
@@ -90,24 +90,24 @@ pub(super) fn judge(suite: &Suite, material: &Material, share: f64) -> Result<Se
                 .map(|score| row(score, mean, sampling, parts)),
         );
     }
-    let first = material.series.iter().flat_map(|series| &series.parts);
+    let first = dataset.series.iter().flat_map(|series| &series.parts);
     let mut results = SeriesResults {
         schema_version: SCHEMA_VERSION,
         suite: suite.name.clone(),
         title: suite.title.clone(),
-        dataset_sha256: material.sha256.clone(),
+        dataset_sha256: dataset.sha256.clone(),
         commit: String::new(),
         machine: String::new(),
         command: String::new(),
-        split: material.split.clone(),
+        split: dataset.split.clone(),
         blocks: format!("{block} of each series, 95 %, 2,000 draws"),
         share,
-        notes: material.notes.clone(),
-        num_series: material.series.len(),
+        notes: dataset.notes.clone(),
+        num_series: dataset.series.len(),
         num_queried: first.map(|part| part.states.len()).sum(),
         rows,
-        drawings: drawings(material, share)?,
-        spectra: spectrum::spectra(material, share)?,
+        drawings: drawings(dataset, share)?,
+        spectra: spectrum::spectra(dataset, share)?,
     };
     results.notes.extend(in_words(&results));
     Ok(results)

@@ -38,12 +38,12 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Option<SeriesResults>>
             suite.name
         )
     })?;
-    let material = data::read(form, data)?;
+    let dataset = data::read(form, data)?;
     let share = options.share.unwrap_or(share);
     if !(share > 0.0 && share <= 1.0) {
         bail!("--share must be above 0 and at most 1, not {share}");
     }
-    let mut results = judge::judge(suite, &material, share)?;
+    let mut results = judge::judge(suite, &dataset, share)?;
     results.commit = commit();
     results.machine = machine();
     results.command.clone_from(&options.command);

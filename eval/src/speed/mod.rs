@@ -18,7 +18,6 @@
 
 mod end_to_end;
 mod extraction;
-mod material;
 mod measurement;
 mod opening;
 mod plot;
@@ -29,6 +28,7 @@ mod table;
 mod targets;
 #[path = "../../../benches/temporal/mod.rs"]
 mod temporal;
+mod workload;
 
 use std::path::Path;
 
@@ -37,9 +37,9 @@ use anyhow::{Context, Result};
 use crate::provenance::{commit, machine};
 use crate::results::write_atomically;
 
-pub use material::Material;
 pub use measurement::{Measurement, SpeedOptions, SpeedReport, Target, read};
 pub use rivals::Python;
+pub use workload::Workload;
 
 /// Measures what the options name, prints nothing, writes the files.
 pub fn run(options: &SpeedOptions) -> Result<SpeedReport> {
@@ -78,23 +78,23 @@ pub fn run(options: &SpeedOptions) -> Result<SpeedReport> {
 
 /// Extraction, search and whole answers.
 fn of_images(options: &SpeedOptions, report: &mut SpeedReport) -> Result<()> {
-    let material = Material::new(options.data.as_deref())?;
-    report.material = material.describe();
+    let workload = Workload::new(options.data.as_deref())?;
+    report.material = workload.describe();
     let python = options.python.as_deref().map(Python::new).transpose()?;
     if python.is_none() {
         report.missing.push(
             "OpenCV's extraction and FAISS: no Python with both; `make speed` installs one".into(),
         );
     }
-    let rows = extraction::measure(&material, python.as_ref())?;
+    let rows = extraction::measure(&workload, python.as_ref())?;
     report.measurements.extend(rows);
     for &num_rows in &options.rows {
         eprintln!("searching {num_rows} rows");
-        search::measure(&material, num_rows, options, python.as_ref(), report)?;
+        search::measure(&workload, num_rows, options, python.as_ref(), report)?;
     }
     for &num_nodes in &options.nodes {
         eprintln!("localising in {num_nodes} places");
-        let rows = end_to_end::measure(&material, num_nodes)?;
+        let rows = end_to_end::measure(&workload, num_nodes)?;
         report.measurements.extend(rows);
     }
     Ok(())

@@ -15,8 +15,8 @@ use chronotope::Time;
 use chronotope::localize::{Localizer, LocalizerConfig, Query};
 use chronotope::map::{Map, Snapshot};
 
-use super::material::Material;
 use super::measurement::Measurement;
+use super::workload::Workload;
 
 /// What the section is called.
 pub(super) const SECTION: &str = "opening a map of 500 features a place";
@@ -28,7 +28,7 @@ const NUM_TIMES: usize = 5;
 
 /// Opens `snapshot` from a file.
 pub(super) fn measure(
-    material: &Material,
+    workload: &Workload,
     snapshot: &Arc<Snapshot>,
     cfg: &LocalizerConfig,
     time: Time,
@@ -47,7 +47,7 @@ pub(super) fn measure(
             cfg.clone(),
         )?)
     })?;
-    let newer = going_on(&whole, material, time)?;
+    let newer = going_on(&whole, workload, time)?;
     let (_, making_ms) = timed(|| Ok(Localizer::open(&path, cfg.clone())?))?;
     let mut opening = Vec::new();
     let mut opened = None;
@@ -65,7 +65,7 @@ pub(super) fn measure(
     }
     ensure!(query_bytes > 0, "no query form was kept");
     let mut first = Vec::new();
-    if let (Some(opened), Some(features)) = (&opened, material.queries.first()) {
+    if let (Some(opened), Some(features)) = (&opened, workload.queries.first()) {
         let query = Query {
             features,
             time: Some(time),
@@ -93,7 +93,7 @@ pub(super) fn measure(
 }
 
 /// Milliseconds that a localizer takes to go on with a newer map, in which one place forgot a visit.
-fn going_on(older: &Localizer, material: &Material, time: Time) -> Result<Vec<f64>> {
+fn going_on(older: &Localizer, workload: &Workload, time: Time) -> Result<Vec<f64>> {
     let mut newer = Snapshot::clone(older.snapshot());
     let place = newer.nodes.len() / 2;
     let node = &newer.nodes[place];
@@ -102,7 +102,7 @@ fn going_on(older: &Localizer, material: &Material, time: Time) -> Result<Vec<f6
     let (shorter, _) = node.retained(&visits, &vec![true; node.features.len()])?;
     newer.nodes[place] = Arc::new(shorter);
     let newer = Arc::new(newer);
-    let query = material.queries.first().map(|features| Query {
+    let query = workload.queries.first().map(|features| Query {
         features,
         time: Some(time),
         image_size: None,

@@ -26,7 +26,7 @@ const MAX_IMAGES: usize = 12;
 
 /// Images, features and how much descriptors change.
 #[derive(Debug)]
-pub struct Material {
+pub struct Workload {
     name: String,
     /// Some images of one size.
     pub images: Vec<GrayImage>,
@@ -44,7 +44,7 @@ pub struct Material {
     flips: Vec<u16>,
 }
 
-impl Material {
+impl Workload {
     /// From the dataset at `data`, or from a rendered street.
     pub fn new(data: Option<&Path>) -> Result<Self> {
         let dataset = if let Some(path) = data {
@@ -65,7 +65,7 @@ impl Material {
             places.entry(entry.place.clone()).or_default().push(entry);
         }
         let extractor = StarBrief::default();
-        let mut material = Self {
+        let mut workload = Self {
             name: dataset.name.clone(),
             images: Vec::new(),
             learnt: Vec::new(),
@@ -85,39 +85,39 @@ impl Material {
                     .with_context(|| format!("image {}", entry.id))?;
                 let features = extractor.extract(&image, None)?;
                 if let Some(before) = &before {
-                    material.count_flips(before, &features);
+                    workload.count_flips(before, &features);
                 }
                 before = Some(features.clone());
                 if features.is_empty() {
                     continue;
                 }
                 if (visits.len() - 1 - index).is_multiple_of(QUERY_EVERY) {
-                    material.queries.push(features);
-                    material.query_places.push(place);
-                    material.times.push(entry.time);
+                    workload.queries.push(features);
+                    workload.query_places.push(place);
+                    workload.times.push(entry.time);
                     let fits = |first: &GrayImage| {
                         (first.width(), first.height()) == (image.width(), image.height())
                     };
-                    if material.images.len() < MAX_IMAGES
-                        && material.images.first().is_none_or(fits)
+                    if workload.images.len() < MAX_IMAGES
+                        && workload.images.first().is_none_or(fits)
                     {
-                        material.images.push(image);
+                        workload.images.push(image);
                     }
                 } else {
-                    material.learnt.push(features);
-                    material.learnt_places.push(place);
+                    workload.learnt.push(features);
+                    workload.learnt_places.push(place);
                 }
             }
         }
-        material.interleave();
+        workload.interleave();
         ensure!(
-            !material.learnt.is_empty()
-                && !material.queries.is_empty()
-                && !material.flips.is_empty(),
+            !workload.learnt.is_empty()
+                && !workload.queries.is_empty()
+                && !workload.flips.is_empty(),
             "dataset `{}` has no place with two visits that show the same features",
-            material.name
+            workload.name
         );
-        Ok(material)
+        Ok(workload)
     }
 
     /// Orders learnt images by visit and then by place, so that the first ones show different places.
@@ -243,7 +243,7 @@ mod tests {
 
     #[test]
     fn a_descriptor_seen_anew_differs_in_as_many_bits_as_were_drawn() {
-        let material = Material {
+        let workload = Workload {
             name: String::new(),
             images: Vec::new(),
             learnt: Vec::new(),
@@ -255,7 +255,7 @@ mod tests {
         };
         let mut random = SplitMix(3);
         for _ in 0..30 {
-            let anew = material.seen_anew(&Descriptor([5, 6, 7, 8]), &mut random);
+            let anew = workload.seen_anew(&Descriptor([5, 6, 7, 8]), &mut random);
             let bits = anew.distance_bits(&Descriptor([5, 6, 7, 8]));
             assert!([0, 17, 256].contains(&bits), "{bits}");
         }

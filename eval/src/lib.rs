@@ -1,10 +1,9 @@
 //! Which method recognises places best, how sure are we of it, and what does it look like?
 //!
 //! Finished answers become numbers and pictures here: [`results`] is the file `SUITE.json`,
-//! [`judge`] turns answers into rates with intervals, pairs two runs query by query and says whether
-//! posteriors and decisions deserve their trust, and [`report`] prints a run in a terminal and draws it as
-//! one HTML file. [`series`] does all of this for single states over
-//! time.
+//! [`judge`] turns answers into rates with intervals, pairs two runs query by query and says
+//! whether posteriors and decisions deserve their trust, and [`report`] prints a run in a terminal
+//! and draws it as one HTML file. [`series`] does all of this for single states over time.
 
 pub mod data;
 pub mod judge;

@@ -39,7 +39,8 @@ enum Command {
     List,
     /// Runs a suite: prints its table, writes SUITE.json and report.html.
     Run(RunArgs),
-    /// Answers a suite's queries once more by the default, for a trace or a recording; judges nothing.
+    /// Answers a suite's queries once more by the default, for a trace or a recording; judges
+    /// nothing.
     Replay(ReplayArgs),
     /// Compares two runs query by query.
     Compare {
@@ -59,11 +60,14 @@ enum Command {
         #[arg(long, value_delimiter = ',', default_values_t = [30, 50])]
         n: Vec<u32>,
     },
-    /// Times temporal models next to plain sums; search, extraction and whole answers next to OpenCV, `hnsw_rs` and FAISS.
+    /// Times temporal models next to plain sums; search, extraction and whole answers next to
+    /// OpenCV, `hnsw_rs` and FAISS.
     Speed(SpeedArgs),
-    /// Visits one place of the rendered street again and again: size, memory, time and accuracy in tenths.
+    /// Visits one place of the rendered street again and again: size, memory, time and accuracy in
+    /// tenths.
     Soak(SoakOptions),
-    /// Drives round the rendered street for an hour, learning while it localises, with a camera and a clock that fail.
+    /// Drives round the rendered street for an hour, learning while it localises, with a camera and
+    /// a clock that fail.
     SoakLive(LiveOptions),
 }
 
@@ -88,7 +92,8 @@ struct RunArgs {
     /// Where extracted features are kept from run to run [default: OUT/cache].
     #[arg(long)]
     cache: Option<PathBuf>,
-    /// Show this number of features in detail [default: where the default and the static map differ most].
+    /// Show this number of features in detail [default: where the default and the static map differ
+    /// most].
     #[arg(long)]
     n: Option<u32>,
     /// Suites of series: the share of samples that thinning keeps [default: the suite's].
@@ -153,7 +158,8 @@ struct SpeedArgs {
 /// What the queries of a suite can be watched again by.
 #[derive(clap::Args)]
 struct Replays {
-    /// Also write the evidence of every query of the default, one JSON object a line, with pictures.
+    /// Also write the evidence of every query of the default, one JSON object a line, with
+    /// pictures.
     #[arg(long, value_name = "OUT.jsonl")]
     trace: Option<PathBuf>,
     /// Also write a recording for the rerun viewer.

@@ -1,7 +1,7 @@
 //! How far has a long run come?
 //!
-//! In a terminal a bar moves. Where stderr is a file or a pipe, a line is printed every few seconds, so that a log
-//! shows that work goes on.
+//! In a terminal a bar moves. Where stderr is a file or a pipe, a line is printed every few
+//! seconds, so that a log shows that work goes on.
 
 use std::io::{IsTerminal as _, stderr};
 use std::sync::Arc;

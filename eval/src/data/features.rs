@@ -1,8 +1,9 @@
 //! Which features does each image of a dataset have?
 //!
-//! Extraction is the same for every method, fold and n, so it is done once per image, in parallel, and
-//! kept in a cache file whose name is a digest of the dataset's index, the sizes and times of its image
-//! files and the extractor. The digest of each image's decoded pixels is kept too, for the leak check.
+//! Extraction is the same for every method, fold and n, so it is done once per image, in parallel,
+//! and kept in a cache file whose name is a digest of the dataset's index, the sizes and times of
+//! its image files and the extractor. The digest of each image's decoded pixels is kept too, for
+//! the leak check.
 
 use chronotope::dataset::{Dataset, Entry, Problem};
 use chronotope::feature::{Descriptor, Extractor, Features, Keypoint, StarBrief, StarBriefConfig};

@@ -92,7 +92,8 @@ pub(crate) fn split_at(data: &ExtractedDataset, split: Time) -> Fold {
     Fold { learn, query }
 }
 
-/// The fold without learning images that show the same pixels as one of its queries, and their number.
+/// The fold without learning images that show the same pixels as one of its queries, and their
+/// number.
 pub(crate) fn without_duplicates(data: &ExtractedDataset, fold: &Fold) -> (Fold, u32) {
     let queried: HashSet<&[u8; 32]> = (fold.query.iter())
         .map(|&i| &data.extracted[i].digest)

@@ -1,9 +1,9 @@
 //! What would a robot decide, and how often would that be wrong?
 //!
-//! Decisions are taken by risk ([`chronotope::localize::Decision::by_risk`]): at the most probable place if
-//! the probability of being wrong is at most the risk; ambiguous if only being off the map is that
-//! improbable; unknown otherwise. The score `likelihood` brings its decisions along; those of the other
-//! scores are taken here by the same rule, from their calibrated posteriors.
+//! Decisions are taken by risk ([`chronotope::localize::Decision::by_risk`]): at the most probable
+//! place if the probability of being wrong is at most the risk; ambiguous if only being off the map
+//! is that improbable; unknown otherwise. The score `likelihood` brings its decisions along; those
+//! of the other scores are taken here by the same rule, from their calibrated posteriors.
 
 use chronotope::localize::Decision as Rule;
 use chronotope::map::NodeId;
@@ -19,7 +19,8 @@ const RISKS: [f64; 14] = [
 /// Probabilities are written to about four digits, those near one half to half of this.
 const ROUNDING: f64 = 5e-5;
 
-/// What is decided about `judged`; with `has_own` their stored decisions count, else they are taken here.
+/// What is decided about `judged`; with `has_own` their stored decisions count, else they are taken
+/// here.
 pub(super) fn decisions(judged: &[Judged<'_>], risk: f64, has_own: bool) -> Decisions {
     let decide = |it: &Judged<'_>| -> Rule {
         // Which place it is does not matter here.

@@ -1,8 +1,8 @@
 //! Are two runs the same, number by number?
 //!
-//! Any two `SUITE.json` are compared, of images or of series: every field of the one must be in the other with
-//! the same value. Only what differs from run to run by its nature is left out: commit, machine, command, and
-//! times in ms.
+//! Any two `SUITE.json` are compared, of images or of series: every field of the one must be in the
+//! other with the same value. Only what differs from run to run by its nature is left out: commit,
+//! machine, command, and times in ms.
 
 use std::fmt;
 use std::path::Path;

@@ -1,11 +1,11 @@
 //! Is the default better than each known method, on the queries of all suites together?
 //!
 //! For each n the default row is paired, query by query, with every baseline: once with the *same
-//! score*, and once with the score and model that the baseline does best with on these very queries.
-//! Choosing the best by the answers flatters the baseline, never the default. All queries weigh the
-//! same; whole groups are drawn, and queries of different suites are never of one group. A suite that
-//! lacks a baseline is named and left out of its pool. Where a suite does not run the published preset
-//! of a method, the method with the published score, `count`, stands in for it.
+//! score*, and once with the score and model that the baseline does best with on these very
+//! queries. Choosing the best by the answers flatters the baseline, never the default. All queries
+//! weigh the same; whole groups are drawn, and queries of different suites are never of one group.
+//! A suite that lacks a baseline is named and left out of its pool. Where a suite does not run the
+//! published preset of a method, the method with the published score, `count`, stands in for it.
 
 use std::fmt;
 

@@ -3,14 +3,15 @@
 //! A row with a posterior is judged on three sets of queries:
 //!
 //! - *in-map*: their place is in the map. Recall, precision-recall, decisions, calibration.
-//! - *out-of-map* (suite `foreign`): their place was kept out of the map, so that every place is wrong.
-//!   How often is one accepted?
+//! - *out-of-map* (suite `foreign`): their place was kept out of the map, so that every place is
+//!   wrong. How often is one accepted?
 //! - *mixed*: both, weighted so that out-of-map queries are as frequent as the off-map prior says.
-//!   A posterior is a statement about this mixture, and is calibrated on it or not at all: on in-map
-//!   queries alone the right posterior is less sure than it is right, on out-of-map ones it is too sure.
+//!   A posterior is a statement about this mixture, and is calibrated on it or not at all: on
+//!   in-map queries alone the right posterior is less sure than it is right, on out-of-map ones it
+//!   is too sure.
 //!
-//! Everything here lies in 0..=1 (Brier score 0..=2, log loss in nats), with 95 % intervals from the
-//! bootstrap of [`statistics`](super::statistics), whole groups drawn.
+//! Everything here lies in 0..=1 (Brier score 0..=2, log loss in nats), with 95 % intervals from
+//! the bootstrap of [`statistics`](super::statistics), whole groups drawn.
 
 use chronotope::localize::LocalizerConfig;
 
@@ -44,7 +45,8 @@ fn calibration(judged: &[Judged<'_>]) -> Calibration {
     }
 }
 
-/// Both sets, with weights that make `off_map` the share of the out-of-map ones and keep the mean weight 1.
+/// Both sets, with weights that make `off_map` the share of the out-of-map ones and keep the mean
+/// weight 1.
 fn mix<'r>(in_map: &[Judged<'r>], out_of_map: &[Judged<'r>], off_map: f64) -> Vec<Judged<'r>> {
     let total = (in_map.len() + out_of_map.len()) as f64;
     let weigh = |set: &[Judged<'r>], share: f64| -> Vec<Judged<'r>> {
@@ -150,8 +152,8 @@ fn against(queries: &[&Query], key: &RowKey, off_map: f64) -> Vec<Against> {
     compared.collect()
 }
 
-/// Judges every row of a run that has a posterior; with `parts` (datasets, of which the ids of queries
-/// begin with `PART/`) the rows of the default's method for each of them as well.
+/// Judges every row of a run that has a posterior; with `parts` (datasets, of which the ids of
+/// queries begin with `PART/`) the rows of the default's method for each of them as well.
 pub fn judge_all(results: &SuiteResults, parts: &[String]) -> Vec<Judgement> {
     let all: Vec<&Query> = results.queries.iter().collect();
     let of_part = |part: &str| -> Vec<&Query> {

@@ -21,8 +21,8 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Sums up the answers that `queries` hold for `key`; queries of places that the map lacks are left
-    /// out, because no first choice would be right.
+    /// Sums up the answers that `queries` hold for `key`; queries of places that the map lacks are
+    /// left out, because no first choice would be right.
     ///
     /// `has_decision_rule` says whether the row's rule may say unknown; if not, `unknown` is 0.
     pub fn of(queries: &[Query], key: &RowKey, has_decision_rule: bool) -> Self {

@@ -1,14 +1,14 @@
 //! Is something that is called 80 % sure right in 80 of 100 cases?
 //!
-//! Answers are put in order of confidence and cut into [`NUM_BINS`] bins of equal mass. A bin with mean
-//! confidence `c_b` in which the share `a_b` is right misses by `|c_b - a_b|`; the expected calibration
-//! error is the mean over the mass, `sum_b w_b |c_b - a_b|` (Naeini, Cooper and Hauskrecht 2015, with
-//! bins of equal mass as in Nguyen and O'Connor 2015). Answers of one confidence are one atom, which a
-//! cut divides by mass: the order of the queries cannot matter.
+//! Answers are put in order of confidence and cut into [`NUM_BINS`] bins of equal mass. A bin with
+//! mean confidence `c_b` in which the share `a_b` is right misses by `|c_b - a_b|`; the expected
+//! calibration error is the mean over the mass, `sum_b w_b |c_b - a_b|` (Naeini, Cooper and
+//! Hauskrecht 2015, with bins of equal mass as in Nguyen and O'Connor 2015). Answers of one
+//! confidence are one atom, which a cut divides by mass: the order of the queries cannot matter.
 //!
-//! The error of a perfect posterior is above 0 in a finite sample, and the draws of its interval add
-//! noise of their own: both push it up, the more so the fewer queries a bin has. O(q log q), then
-//! O(q) per draw.
+//! The error of a perfect posterior is above 0 in a finite sample, and the draws of its interval
+//! add noise of their own: both push it up, the more so the fewer queries a bin has. O(q log q),
+//! then O(q) per draw.
 
 use std::collections::BTreeMap;
 

@@ -1,8 +1,8 @@
 //! How much does a posterior lose against the truth?
 //!
-//! Brier score, `sum_k (p_k - y_k)^2` over the places and off-map (Brier 1950): 0 is perfect, 2 is sure
-//! and wrong. Log loss, `-ln p` of what is true: the truth of a out-of-map query is off-map. Both are
-//! proper: no posterior expects less than the one that says what it believes.
+//! Brier score, `sum_k (p_k - y_k)^2` over the places and off-map (Brier 1950): 0 is perfect, 2 is
+//! sure and wrong. Log loss, `-ln p` of what is true: the truth of a out-of-map query is off-map.
+//! Both are proper: no posterior expects less than the one that says what it believes.
 //!
 //! Shares below 0.00005 are not written, so that a probability below [`LEAST`] is taken for it: one
 //! query loses at most 9.2. Absent places count as 0.
@@ -29,8 +29,8 @@ pub(super) fn log_loss(posterior: &BTreeMap<String, f64>, truth: Option<&str>) -
     -p.unwrap_or(0.0).clamp(LEAST, 1.0).ln()
 }
 
-/// The most probable place with its probability; `right` is the share of the truth in a tie of first
-/// places (a out-of-map query, without truth, is never right).
+/// The most probable place with its probability; `right` is the share of the truth in a tie of
+/// first places (a out-of-map query, without truth, is never right).
 pub(super) fn first_choice(posterior: &BTreeMap<String, f64>, truth: Option<&str>) -> (f64, f64) {
     let places = || posterior.iter().filter(|(place, _)| *place != OFF_MAP);
     let confidence = places().map(|(_, &p)| p).fold(0.0, f64::max);

@@ -2,16 +2,17 @@
 //!
 //! A rate over q queries is a mean of q values in 0..=1 (an error is 0, 1 or the split of a tie).
 //! Its 95 % interval is the percentile bootstrap (Efron 1979): draw q queries with replacement
-//! 2,000 times, take the mean of each draw, and report the 2.5 % and 97.5 % quantiles of these means.
-//! Where queries come in groups that are alike (images of one hour), whole groups are drawn instead.
-//! Two methods are compared on the *same* draws of queries, so that hard queries cancel out: the
-//! interval of a difference is that of the mean of per-query differences.
+//! 2,000 times, take the mean of each draw, and report the 2.5 % and 97.5 % quantiles of these
+//! means. Where queries come in groups that are alike (images of one hour), whole groups are drawn
+//! instead. Two methods are compared on the *same* draws of queries, so that hard queries cancel
+//! out: the interval of a difference is that of the mean of per-query differences.
 //!
 //! `Deviation:` where every query has the same value (nobody was wrong), no draw can differ and the
 //! bootstrap would claim certainty; [`Sample::rate_interval`] then gives the Wilson interval
-//! (Wilson 1927), which for 0 wrong of 60 still allows 6 %. Groups without spread do not show how alike
-//! their queries are, so that an intraclass correlation of [`GROUP_CORRELATION`] is taken for it: q queries in
-//! groups of m count as q / (1 + (m - 1) 0.2) independent ones (Kish 1965), never fewer than the groups.
+//! (Wilson 1927), which for 0 wrong of 60 still allows 6 %. Groups without spread do not show how
+//! alike their queries are, so that an intraclass correlation of [`GROUP_CORRELATION`] is taken for
+//! it: q queries in groups of m count as q / (1 + (m - 1) 0.2) independent ones (Kish 1965), never
+//! fewer than the groups.
 //!
 //! Draws come from a fixed seed: the same answers give the same interval on every machine.
 //! Cost: O(resamples x queries) per interval. Not for: times of several machines in one mean.
@@ -29,8 +30,9 @@ const SEED: u64 = 0x43_68_72_6f_6e_6f;
 /// Share of draws left out at each end: 95 % intervals.
 const TAIL: f64 = 0.025;
 
-/// Intraclass correlation of mistakes where nothing shows it. Measured over all rows with mistakes: at
-/// most 0.08 in worlds of 96 queries (0.03 where fewer than 5 % are wrong), 0.21 in hours of Las Vegas.
+/// Intraclass correlation of mistakes where nothing shows it. Measured over all rows with mistakes:
+/// at most 0.08 in worlds of 96 queries (0.03 where fewer than 5 % are wrong), 0.21 in hours of Las
+/// Vegas.
 pub const GROUP_CORRELATION: f64 = 0.2;
 
 /// The normal quantile at `1 - TAIL`.
@@ -91,7 +93,8 @@ impl Estimate {
 pub(crate) struct SplitMix64(u64);
 
 impl SplitMix64 {
-    /// The draws of every interval: from the same seed, so that intervals of one set of queries agree.
+    /// The draws of every interval: from the same seed, so that intervals of one set of queries
+    /// agree.
     pub(crate) fn of_intervals() -> Self {
         Self(SEED)
     }
@@ -151,7 +154,8 @@ impl Sample {
         Self::weighted((values.into_iter()).map(|(group, value)| (group, value, 1.0)))
     }
 
-    /// `(group, value, weight)` per query: a mean for queries that come more or less often than here.
+    /// `(group, value, weight)` per query: a mean for queries that come more or less often than
+    /// here.
     pub fn weighted<'a>(values: impl IntoIterator<Item = (Option<&'a str>, f64, f64)>) -> Self {
         let mut sample = Self::default();
         let mut places: BTreeMap<&str, usize> = BTreeMap::new();
@@ -275,8 +279,8 @@ impl Sample {
     }
 }
 
-/// The percentile interval of a number whose `draws` these are; it contains `value`, which a few odd
-/// groups can leave outside.
+/// The percentile interval of a number whose `draws` these are; it contains `value`, which a few
+/// odd groups can leave outside.
 pub(crate) fn interval_of_draws(mut draws: Vec<f64>, value: f64) -> Interval {
     draws.sort_by(f64::total_cmp);
     Interval {

@@ -93,7 +93,8 @@ pub(super) fn frequency_ticks(first: f64, last: f64) -> Vec<(f64, String)> {
         .collect()
 }
 
-/// Lines across a picture from `left` to `right` at p = 0, 1/2 and 1, each with its number `gap` to the left.
+/// Lines across a picture from `left` to `right` at p = 0, 1/2 and 1, each with its number `gap` to
+/// the left.
 pub(super) fn probability_lines(
     html: &mut String,
     (left, right): (f64, f64),

@@ -1,10 +1,11 @@
 //! What does a run show first: which method, at which n, and what is it worth?
 //!
-//! The method is the shipped default, never the best one. It is shown at the n where it differs most from the
-//! static map, in whatever direction: of all n at which the 95 % interval of the paired difference excludes
-//! zero, the one with the largest difference, and of equals the smallest; where there is none, at the n that
-//! every run is shown at. This n is chosen by the queries themselves, so that the difference at it is larger
-//! than it would be on others of the kind; the plot and the tables have all n.
+//! The method is the shipped default, never the best one. It is shown at the n where it differs
+//! most from the static map, in whatever direction: of all n at which the 95 % interval of the
+//! paired difference excludes zero, the one with the largest difference, and of equals the
+//! smallest; where there is none, at the n that every run is shown at. This n is chosen by the
+//! queries themselves, so that the difference at it is larger than it would be on others of the
+//! kind; the plot and the tables have all n.
 
 use crate::judge::rates::PairedDifference;
 use crate::results::{SuiteResults, Variant};
@@ -21,7 +22,8 @@ pub(super) struct Headline {
     pub(super) n: u32,
     /// The method against the static map at this n, where the run has one.
     pub(super) against_static: Option<PairedDifference>,
-    /// How many features the static map needs to be wrong as seldom, where it is wrong more often at this n.
+    /// How many features the static map needs to be wrong as seldom, where it is wrong more often
+    /// at this n.
     pub(super) static_needs: Option<Needs>,
 }
 
@@ -103,7 +105,8 @@ impl Headline {
     }
 }
 
-/// The smallest number of features with which `variant` is wrong in at most `percent` of the queries.
+/// The smallest number of features with which `variant` is wrong in at most `percent` of the
+/// queries.
 fn needs(results: &SuiteResults, variant: &Variant, percent: f64) -> Option<Needs> {
     let mut before: Option<(f64, f64)> = None;
     for n in results.all_n() {

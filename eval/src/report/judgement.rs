@@ -219,7 +219,8 @@ fn precision_recall(shown: &[&Judgement], main: &str) -> String {
     .render()
 }
 
-/// Located in-map queries over accepted out-of-map queries, or over wrongly located in-map queries where nobody is out-of-map.
+/// Located in-map queries over accepted out-of-map queries, or over wrongly located in-map queries
+/// where nobody is out-of-map.
 fn risks(shown: &[&Judgement], main: &str) -> String {
     let has_out_of_map = shown.iter().any(|it| it.out_of_map.is_some());
     let bad = |at: &crate::results::AtRisk| at.accepted.unwrap_or(at.located_wrong);

@@ -1,11 +1,11 @@
 //! What did a run find, so that a stranger sees it in ten seconds?
 //!
-//! [`render`] makes one HTML file of a run: what was found in one sentence, error over n, the summary
-//! with intervals, what the methods saw, their mistakes and their cost. The file needs no network
-//! (its content policy forbids it), follows the reader's light or dark mode, fits a phone, and distinguishes
-//! things by shape as well as by colour (palette of Okabe and Ito 2008, darkened or lightened
-//! where the contrast needs it). Every number comes from [`SuiteResults`]; every picture is given by
-//! the caller. Text of the input is escaped everywhere.
+//! [`render`] makes one HTML file of a run: what was found in one sentence, error over n, the
+//! summary with intervals, what the methods saw, their mistakes and their cost. The file needs no
+//! network (its content policy forbids it), follows the reader's light or dark mode, fits a phone,
+//! and distinguishes things by shape as well as by colour (palette of Okabe and Ito 2008, darkened
+//! or lightened where the contrast needs it). Every number comes from [`SuiteResults`]; every
+//! picture is given by the caller. Text of the input is escaped everywhere.
 
 mod axis;
 mod content;

@@ -1,7 +1,7 @@
 //! What does a run over series show, so that a stranger sees it in ten seconds?
 //!
-//! The same frame as the report of images: what was found in one sentence, p(t) over the data, error over
-//! order, the spectrum over that of the sampling, and all numbers.
+//! The same frame as the report of images: what was found in one sentence, p(t) over the data,
+//! error over order, the spectrum over that of the sampling, and all numbers.
 
 use std::collections::BTreeMap;
 use std::path::Path;

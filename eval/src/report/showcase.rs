@@ -1,9 +1,9 @@
 //! What do the answers look like?
 //!
-//! Pictures for the report, of one localizer (the shipped default where the suite runs it) in the first
-//! fold: live images with what was predicted, p(t) of the features that change most, and the worst
-//! mistakes of the whole suite beside the places they were mixed up with. Pictures only show what was
-//! counted before.
+//! Pictures for the report, of one localizer (the shipped default where the suite runs it) in the
+//! first fold: live images with what was predicted, p(t) of the features that change most, and the
+//! worst mistakes of the whole suite beside the places they were mixed up with. Pictures only show
+//! what was counted before.
 
 use super::content::{
     FeatureClass, FeaturePicture, GalleryImage, Mistake, Observation, PicturedFeature, Pictures,
@@ -223,8 +223,8 @@ fn query_time(showcase: &Showcase) -> Option<Time> {
     showcase.times.get(*entry).copied()
 }
 
-/// The place of the most informative feature: its features that were seen most often, those that were
-/// seen early above.
+/// The place of the most informative feature: its features that were seen most often, those that
+/// were seen early above.
 fn raster(data: &ExtractedDataset, showcase: &Showcase) -> Option<Raster> {
     let (id, _) = telling(&showcase.localizer, 1).into_iter().next()?;
     let model = showcase.localizer.model(id)?;
@@ -278,7 +278,8 @@ fn axis(data: &ExtractedDataset) -> TimeAxis {
     }
 }
 
-/// Where times lie on [`axis`]: seconds, or the number of the visit, from 1, where the index is no clock.
+/// Where times lie on [`axis`]: seconds, or the number of the visit, from 1, where the index is no
+/// clock.
 fn along<'a>(data: &ExtractedDataset, showcase: &'a Showcase) -> impl Fn(Time) -> f64 + use<'a> {
     let is_clock = data.dataset.clock == Clock::Real;
     let mut visits = showcase.times.clone();

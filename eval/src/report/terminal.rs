@@ -1,8 +1,8 @@
 //! What does a run say at a glance, in a terminal of 100 columns?
 //!
 //! Two blocks: wrong answers in % over n for every method, and for a chosen n the same with
-//! intervals, re-observation, cost in compared pairs and time. Rows are grouped by preset and score,
-//! so that lines next to each other may be compared.
+//! intervals, re-observation, cost in compared pairs and time. Rows are grouped by preset and
+//! score, so that lines next to each other may be compared.
 
 use super::facts::{header_lines, short_count, short_ms, short_name};
 use super::headline::Headline;

@@ -1,7 +1,7 @@
 //! How is `SUITE.json` written and read?
 //!
-//! One line for each field of the root and for each entry of its lists, so that two files can be compared
-//! with `diff`. The same results give the same bytes.
+//! One line for each field of the root and for each entry of its lists, so that two files can be
+//! compared with `diff`. The same results give the same bytes.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};

@@ -182,13 +182,15 @@ pub struct Judgement {
     pub mixed: Option<Mixed>,
     /// What other risks would give.
     pub risks: Vec<AtRisk>,
-    /// Only for the score `likelihood`: on mixed queries where there are out-of-map ones, else on in-map ones.
+    /// Only for the score `likelihood`: on mixed queries where there are out-of-map ones, else on
+    /// in-map ones.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub against: Vec<Against>,
 }
 
 impl Judgement {
-    /// The calibration on what a posterior is about: the mixture where it is known, else in-map queries.
+    /// The calibration on what a posterior is about: the mixture where it is known, else in-map
+    /// queries.
     pub fn calibration(&self) -> &Calibration {
         (self.mixed.as_ref()).map_or(&self.in_map.calibration, |mixed| &mixed.calibration)
     }

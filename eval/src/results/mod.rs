@@ -10,8 +10,8 @@
 //! known; keys of rows and ids of queries are unique; every number is finite; `correct + wrong =
 //! queries`; where a row's answers are stored, their count, `wrong` and `tied` agree with the row.
 //!
-//! The same results give the same bytes: fields keep their order, answers are sorted by key. Unknown
-//! fields are ignored when reading, so that a later version may add some.
+//! The same results give the same bytes: fields keep their order, answers are sorted by key.
+//! Unknown fields are ignored when reading, so that a later version may add some.
 
 mod answer;
 mod json;

@@ -53,8 +53,8 @@ impl<'s> DatasetRun<'s> {
 
     /// Runs every arm on every fold of one dataset.
     ///
-    /// `prefix` makes the ids of queries unique over several datasets and groups them; `progress` is
-    /// called once per fold and arm.
+    /// `prefix` makes the ids of queries unique over several datasets and groups them; `progress`
+    /// is called once per fold and arm.
     pub(super) fn add(
         &mut self,
         data: &ExtractedDataset,

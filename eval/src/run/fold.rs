@@ -1,7 +1,7 @@
 //! What does every method answer to the queries of one fold?
 //!
-//! A map is learnt from the learning side in order of time; then every localizer answers every query, all n
-//! in one pass ([`chronotope::localize::Sweep`]).
+//! A map is learnt from the learning side in order of time; then every localizer answers every
+//! query, all n in one pass ([`chronotope::localize::Sweep`]).
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -83,7 +83,8 @@ pub(crate) fn learn(
     Ok(learner.snapshot()?)
 }
 
-/// Learns the fold's map and answers every query of the fold: its entry with the answers of each run.
+/// Learns the fold's map and answers every query of the fold: its entry with the answers of each
+/// run.
 pub(crate) fn run_fold(
     data: &ExtractedDataset,
     fold: &Fold,
@@ -127,8 +128,8 @@ pub(crate) fn localizers(snapshot: &Arc<Snapshot>, runs: &[Run]) -> Result<Vec<L
         .collect()
 }
 
-/// Probabilities are written so that `p` and `1 - p` both keep four digits, down to 1e-12: files stay
-/// small, and answers that are nearly sure stay in order.
+/// Probabilities are written so that `p` and `1 - p` both keep four digits, down to 1e-12: files
+/// stay small, and answers that are nearly sure stay in order.
 fn rounded(p: f64) -> f64 {
     let rarer = p.min(1.0 - p).max(1e-12);
     let scale = 10_f64.powi(3 - rarer.log10().floor() as i32);

@@ -22,8 +22,8 @@ use crate::judge::judge_all;
 use crate::provenance::{commit, machine};
 use crate::suite::{Protocol, Suite};
 
-/// Runs a suite and gives its results, with what pictures can show of them; a synthetic suite also those of its
-/// control world.
+/// Runs a suite and gives its results, with what pictures can show of them; a synthetic suite also
+/// those of its control world.
 pub fn run(suite: &Suite, options: &RunOptions) -> Result<Vec<SuiteRun>> {
     let mut parts: &[String] = &[];
     let mut all = match &suite.protocol {

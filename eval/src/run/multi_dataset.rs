@@ -1,13 +1,14 @@
 //! How are many datasets evaluated in one run, with and without the true place in the map?
 //!
-//! Each part is the dataset of another suite with that suite's protocol. A query is answered *in-map*, by
-//! the whole map of its fold; and, where places are left out, once more as an *out-of-map* query, by a map
-//! that was learnt without its place, so that every answer but "unknown" is wrong. Both share a group.
-//! One map is learnt per fold, and one per fold and place left out.
+//! Each part is the dataset of another suite with that suite's protocol. A query is answered
+//! *in-map*, by the whole map of its fold; and, where places are left out, once more as an
+//! *out-of-map* query, by a map that was learnt without its place, so that every answer but
+//! "unknown" is wrong. Both share a group. One map is learnt per fold, and one per fold and place
+//! left out.
 //!
-//! Rows count in-map queries; the answers to out-of-map ones are in the judgement. A part whose times are no
-//! clock answers with `static` in the place of methods that need a time: what a user would get.
-//! Nothing is timed here.
+//! Rows count in-map queries; the answers to out-of-map ones are in the judgement. A part whose
+//! times are no clock answers with `static` in the place of methods that need a time: what a user
+//! would get. Nothing is timed here.
 
 use std::collections::BTreeSet;
 

@@ -1,11 +1,11 @@
 //! How can a suite be watched again, query by query?
 //!
-//! Every query of a suite is answered once more, by the shipped default where the suite runs it, and its
-//! trace ([`chronotope::localize::trace`]) given away: written as JSON Lines, from which
-//! `chronotope-dashboard` renders a recording whenever somebody wants to look, or recorded at once with
-//! the cargo feature `dashboard`. Each fold's map is learnt again, without the query's duplicates, exactly as
-//! when the suite was judged; of a synthetic suite the first world is shown. Stages are timed one query
-//! at a time.
+//! Every query of a suite is answered once more, by the shipped default where the suite runs it,
+//! and its trace ([`chronotope::localize::trace`]) given away: written as JSON Lines, from which
+//! `chronotope-dashboard` renders a recording whenever somebody wants to look, or recorded at once
+//! with the cargo feature `dashboard`. Each fold's map is learnt again, without the query's
+//! duplicates, exactly as when the suite was judged; of a synthetic suite the first world is shown.
+//! Stages are timed one query at a time.
 //!
 //! Not for numbers: rows and intervals come from the run itself.
 
@@ -113,7 +113,8 @@ pub fn record(suite: &Suite, options: &RunOptions, path: &Path) -> Result<usize>
     Ok(num)
 }
 
-/// The shipped default where the suite runs it, else the first model that knows of time, else the first.
+/// The shipped default where the suite runs it, else the first model that knows of time, else the
+/// first.
 fn shown<'s>(suite: &'s Suite, data: &ExtractedDataset) -> Result<(&'s Arm, Run)> {
     let has_clock = data.dataset.clock == chronotope::dataset::Clock::Real;
     let runs: Vec<(&Arm, Run)> = (suite.arms.iter())

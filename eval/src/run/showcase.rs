@@ -22,7 +22,8 @@ pub struct Showcase {
 }
 
 impl Showcase {
-    /// Whether another localizer has more to show: the shipped default, else a method that knows of time.
+    /// Whether another localizer has more to show: the shipped default, else a method that knows of
+    /// time.
     pub(crate) fn is_less_than(&self, other: &Localizer, is_default: bool) -> bool {
         is_default
             || (other.cfg().method() == Method::Fremen

@@ -1,6 +1,7 @@
 //! What do the answers of all arms add up to?
 //!
-//! Answers are collected query by query, over folds, worlds and datasets, and become rows at the end.
+//! Answers are collected query by query, over folds, worlds and datasets, and become rows at the
+//! end.
 
 use std::collections::BTreeMap;
 
@@ -57,8 +58,8 @@ impl<'s> Tallies<'s> {
         }
     }
 
-    /// Makes room for the runs of an arm, of which the first is the `first_run`-th of the suite; does nothing
-    /// where they are known. `default` is what the shipped default does.
+    /// Makes room for the runs of an arm, of which the first is the `first_run`-th of the suite;
+    /// does nothing where they are known. `default` is what the shipped default does.
     pub(crate) fn register(
         &mut self,
         arm: &Arm,

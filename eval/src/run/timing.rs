@@ -1,7 +1,7 @@
 //! How long does one answer take, and is it that of the sweep?
 //!
-//! The plain [`Localizer::localize_into`] is timed, alone on its core, and must give the same scores as the
-//! sweep: a run in which it does not is an error, not a result.
+//! The plain [`Localizer::localize_into`] is timed, alone on its core, and must give the same
+//! scores as the sweep: a run in which it does not is an error, not a result.
 
 use std::time::Instant;
 

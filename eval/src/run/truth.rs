@@ -1,13 +1,14 @@
 //! How far is predicted visibility from the truth?
 //!
-//! In the rendered street the probability p(t) with which each element is drawn is known. Here every
-//! element is a feature that the camera never misses and never mistakes: it is born when it is first
-//! drawn, its history over the learnt rounds is fitted by each model, and its predicted p(t) is held
-//! against the true one at the query rounds. So this judges temporal models alone, without
-//! extraction and matching. Elements that no learnt round shows are not features.
+//! In the rendered street the probability p(t) with which each element is drawn is known. Here
+//! every element is a feature that the camera never misses and never mistakes: it is born when it
+//! is first drawn, its history over the learnt rounds is fitted by each model, and its predicted
+//! p(t) is held against the true one at the query rounds. So this judges temporal models alone,
+//! without extraction and matching. Elements that no learnt round shows are not features.
 //!
-//! The error is `mean |p - truth|` over elements and rounds. A model that knew the truth would score 0;
-//! no model can, because a history of a few dozen rounds of 0 and 1 does not determine p exactly.
+//! The error is `mean |p - truth|` over elements and rounds. A model that knew the truth would
+//! score 0; no model can, because a history of a few dozen rounds of 0 and 1 does not determine p
+//! exactly.
 
 use anyhow::Result;
 use chronotope::Time;
@@ -52,8 +53,8 @@ const MODELS: [(&str, &str); 9] = [
 /// The name of the model that the default configuration uses.
 const DEFAULT: &str = "rhythms";
 
-/// Errors of each model over the worlds `1..=num_seeds`, whose rounds are the schedule's; one group of
-/// the interval is one world.
+/// Errors of each model over the worlds `1..=num_seeds`, whose rounds are the schedule's; one group
+/// of the interval is one world.
 pub(super) fn visibility_errors(
     num_seeds: u64,
     num_learn: usize,

@@ -76,7 +76,8 @@ fn run_with(suite: &Suite, worlds: &Worlds, rhythms: bool) -> Result<SuiteRun> {
     })
 }
 
-/// The sentences that compare the default `fremen` with `static` at n = 30, per query, for each score.
+/// The sentences that compare the default `fremen` with `static` at n = 30, per query, for each
+/// score.
 fn against_static(results: &SuiteResults, title: &str) -> Vec<String> {
     let Some(default) = results.default_variant() else {
         return Vec::new();

@@ -55,7 +55,8 @@ const MIN_TRAVERSALS: usize = 50;
 /// The share of an edge's traversals that is learnt.
 const LEARNT_SHARE: f64 = 0.7;
 
-/// Reads the series of `form` in `data`, which is their folder or one that holds it (also as `series/`).
+/// Reads the series of `form` in `data`, which is their folder or one that holds it (also as
+/// `series/`).
 pub fn read(form: Form, data: &Path) -> Result<SeriesDataset> {
     let mut files = Files {
         folder: folder(form, data)?,

@@ -31,7 +31,8 @@ const FFT: &str = "fft";
 
 const LOGISTIC: &str = "logistic-week-day";
 
-/// Logistic regression walks through its samples dozens of times, so it gets evenly spaced ones of many.
+/// Logistic regression walks through its samples dozens of times, so it gets evenly spaced ones of
+/// many.
 const MAX_LOGISTIC: usize = 20_000;
 
 /// With fewer samples to judge by, the order is 0.
@@ -182,8 +183,8 @@ pub fn forecasts(states: &[State], wanted: impl Fn(&str) -> bool) -> Result<Vec<
     Ok(forecasts)
 }
 
-/// The order that predicts the latest fifth of the samples best, learnt from those before (T-RO IV-B): the
-/// lower one of equals, 0 with few samples.
+/// The order that predicts the latest fifth of the samples best, learnt from those before (T-RO
+/// IV-B): the lower one of equals, 0 with few samples.
 fn held_out_order(states: &[State], balance: Balance) -> Result<usize> {
     let (earlier, latest) = states.split_at(states.len() - states.len() / 5);
     if latest.len() < MIN_HELD_OUT {

@@ -135,8 +135,8 @@ impl SeriesResults {
         rows.find(|row| row.sampling == sampling && row.is_default)
     }
 
-    /// FreMEn as the papers print it, its order chosen on held-out samples as they do; of the two papers the
-    /// one that comes out better.
+    /// FreMEn as the papers print it, its order chosen on held-out samples as they do; of the two
+    /// papers the one that comes out better.
     pub fn literal(&self, sampling: Sampling) -> Option<&Row> {
         let rows = (LITERAL.iter()).filter_map(|model| self.row(sampling, model, Order::Auto));
         rows.min_by(|a, b| a.brier.value.total_cmp(&b.brier.value))

@@ -53,7 +53,8 @@ impl Score {
         }
     }
 
-    /// Evaluates all forecasts at each time together, since what depends on the time alone is half of the cost.
+    /// Evaluates all forecasts at each time together, since what depends on the time alone is half
+    /// of the cost.
     pub(super) fn of_all(
         forecasts: &[Forecast],
         learnt: &[State],

@@ -1,15 +1,17 @@
 //! Does a robot that learns while it localises keep its pace for an hour?
 //!
-//! [`run`] drives round the rendered street for as long as it is told to. Three threads do what three parts of a robot do: a
-//! *camera* hands over an image at every tick; the *robot* extracts its features, localises it and lets the
-//! student have it; the *student* learns every image that was located, publishes a newer localiser and commits to
-//! a file every few seconds, within a budget and behind the guard. Between them are short queues; what finds one
-//! full is left out and counted, as a camera's driver does.
+//! [`run`] drives round the rendered street for as long as it is told to. Three threads do what
+//! three parts of a robot do: a *camera* hands over an image at every tick; the *robot* extracts
+//! its features, localises it and lets the student have it; the *student* learns every image that
+//! was located, publishes a newer localiser and commits to a file every few seconds, within a
+//! budget and behind the guard. Between them are short queues; what finds one full is left out and
+//! counted, as a camera's driver does.
 //!
-//! Time in the street runs faster than the clock on the wall, so that an hour shows a whole day. Three things go
-//! wrong on the way: no image comes for a while, then black ones come (a covered camera); the stamps of the images
-//! jump back a day; they jump ahead three years. Each twelfth of the run gets a row of what came, what was answered, what was
-//! learnt, how long an image took, and what process, map and file hold.
+//! Time in the street runs faster than the clock on the wall, so that an hour shows a whole day.
+//! Three things go wrong on the way: no image comes for a while, then black ones come (a covered
+//! camera); the stamps of the images jump back a day; they jump ahead three years. Each twelfth of
+//! the run gets a row of what came, what was answered, what was learnt, how long an image took, and
+//! what process, map and file hold.
 //!
 //! Times are of the machine it runs on.
 

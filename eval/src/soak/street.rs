@@ -76,8 +76,8 @@ impl Street {
         })
     }
 
-    /// One that is known from a year of rounds and learnt on behind the guard; also how long each visit of that
-    /// year took to learn, us.
+    /// One that is known from a year of rounds and learnt on behind the guard; also how long each
+    /// visit of that year took to learn, us.
     pub(super) fn known(options: &StreetOptions, name: &str) -> Result<(Self, Vec<f64>)> {
         let mut street = Self::unknown(options, name)?;
         let mut times = Vec::new();

@@ -1,9 +1,10 @@
 //! Does a map stay small, fast and right, however often a place is visited?
 //!
-//! [`run`] learns a street in a year, then goes on visiting its first place, thousands of times, with a budget
-//! and the guard, and commits to a file as a robot does. For each tenth of these visits it reports what the place and
-//! the file hold, the memory of this process, how long `observe` took, and how many of the same later queries (all
-//! places) are answered right. Times are of the machine it runs on; all other numbers are the same everywhere.
+//! [`run`] learns a street in a year, then goes on visiting its first place, thousands of times,
+//! with a budget and the guard, and commits to a file as a robot does. For each tenth of these
+//! visits it reports what the place and the file hold, the memory of this process, how long
+//! `observe` took, and how many of the same later queries (all places) are answered right. Times
+//! are of the machine it runs on; all other numbers are the same everywhere.
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -106,8 +107,8 @@ impl Soak {
         Ok((soak, times))
     }
 
-    /// Visits the first place again and again, every 53 minutes; gives how many visits were held, and how long
-    /// each took, us.
+    /// Visits the first place again and again, every 53 minutes; gives how many visits were held,
+    /// and how long each took, us.
     fn visit(&mut self, visits: std::ops::Range<usize>) -> Result<(usize, Vec<f64>)> {
         let start = Time::parse("2024-01-01T00:00:00Z")?;
         let time = |visit: usize| start.plus_us(visit as i64 * 53 * 60_000_000);

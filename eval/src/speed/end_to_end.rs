@@ -1,14 +1,15 @@
 //! How long does an answer take in a map of so many places, and which stage takes it?
 //!
-//! A place is one learnt image, each of its features seen anew, with a year of visits in which features
-//! come and go; the first places of a map are of different streets, and a large map has many look-alikes
-//! of each. Queries are images that were not learnt, all in one time bucket, whose prediction is a row
-//! of its own. The stages are what [`Localizer::localize_into`] does: `match` is called by itself on the
-//! features that were predicted, and what is left of the whole is the vote, the log odds, the ranking and
-//! the decision. Beside the default stands the plain count of matches, which decides by nothing else.
+//! A place is one learnt image, each of its features seen anew, with a year of visits in which
+//! features come and go; the first places of a map are of different streets, and a large map has
+//! many look-alikes of each. Queries are images that were not learnt, all in one time bucket, whose
+//! prediction is a row of its own. The stages are what [`Localizer::localize_into`] does: `match`
+//! is called by itself on the features that were predicted, and what is left of the whole is the
+//! vote, the log odds, the ranking and the decision. Beside the default stands the plain count of
+//! matches, which decides by nothing else.
 //!
-//! Short lists of candidates are judged by the exact answer to the same query: the share of first places
-//! that are the same.
+//! Short lists of candidates are judged by the exact answer to the same query: the share of first
+//! places that are the same.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -147,8 +148,8 @@ pub(super) fn measure(workload: &Workload, num_nodes: usize) -> Result<Vec<Measu
     Ok(rows)
 }
 
-/// Milliseconds an image of answering all queries in one batch, on two threads; what one thread and two answer
-/// must be what was answered one by one.
+/// Milliseconds an image of answering all queries in one batch, on two threads; what one thread and
+/// two answer must be what was answered one by one.
 fn batch(
     localizer: &Localizer,
     workload: &Workload,
@@ -313,7 +314,8 @@ fn snapshot(workload: &Workload, num_nodes: usize) -> Result<Snapshot> {
             let descriptor = workload.seen_anew(descriptor, &mut random);
             node.features.push(*keypoint, descriptor);
         }
-        // A feature is seen in half of the year that begins with a month of its own, most of the time.
+        // A feature is seen in half of the year that begins with a month of its own, most of the
+        // time.
         let seasons: Vec<usize> = (0..learnt.len())
             .map(|_| random.below(NUM_VISITS))
             .collect();

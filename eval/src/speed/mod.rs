@@ -1,20 +1,22 @@
 //! How fast is each part, next to what would be used instead, in one run on one machine?
 //!
 //! One table of [`Measurement`]s: exact and approximate search against other matchers on the same
-//! descriptors, extraction against OpenCV on the same grey bytes, and the whole answer for growing maps.
-//! Times are those of one thread. Ratios are `reference / subject` within one case, so above 1 is faster
-//! than the reference; they hold for this machine and this run. They compare the fastest repetition of
-//! each, because that is what other programs on the machine disturb least.
+//! descriptors, extraction against OpenCV on the same grey bytes, and the whole answer for growing
+//! maps. Times are those of one thread. Ratios are `reference / subject` within one case, so above
+//! 1 is faster than the reference; they hold for this machine and this run. They compare the
+//! fastest repetition of each, because that is what other programs on the machine disturb least.
 //!
-//! Temporal models are compared with the papers' sums written plainly, in processor time of one thread.
+//! Temporal models are compared with the papers' sums written plainly, in processor time of one
+//! thread.
 //!
 //! A section is a module that returns rows; [`run`] puts them one after the other.
 //!
-//! Whoever claims to be exact has its answer compared with ours before it is timed; where two answers
-//! differ the command fails. Approximate rivals show the share of queries whose nearest they found.
+//! Whoever claims to be exact has its answer compared with ours before it is timed; where two
+//! answers differ the command fails. Approximate rivals show the share of queries whose nearest
+//! they found.
 //!
-//! Not for: times on another machine, or of images that this one cannot decode fast; decoding is not
-//! part of extraction here.
+//! Not for: times on another machine, or of images that this one cannot decode fast; decoding is
+//! not part of extraction here.
 
 mod end_to_end;
 mod extraction;

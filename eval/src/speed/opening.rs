@@ -1,10 +1,11 @@
 //! How long does a robot wait for its map, and how much memory does the map take?
 //!
-//! The map of the section before is written to a file in a folder of its own and opened in three ways, all
-//! of them warm, so that the disk has no part in it: read as a whole, fitted and calibrated; by way of a query
-//! form that has to be made first; and by way of the one that is there then. What was opened in different
-//! ways has to give the same answer. Last, how long it takes to go on with a newer map in which one place has
-//! changed, predictions of all places with it.
+//! The map of the section before is written to a file in a folder of its own and opened in three
+//! ways, all of them warm, so that the disk has no part in it: read as a whole, fitted and
+//! calibrated; by way of a query form that has to be made first; and by way of the one that is
+//! there then. What was opened in different ways has to give the same answer. Last, how long it
+//! takes to go on with a newer map in which one place has changed, predictions of all places with
+//! it.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -92,7 +93,8 @@ pub(super) fn measure(
     ])
 }
 
-/// Milliseconds that a localizer takes to go on with a newer map, in which one place forgot a visit.
+/// Milliseconds that a localizer takes to go on with a newer map, in which one place forgot a
+/// visit.
 fn going_on(older: &Localizer, workload: &Workload, time: Time) -> Result<Vec<f64>> {
     let mut newer = Snapshot::clone(older.snapshot());
     let place = newer.nodes.len() / 2;

@@ -1,7 +1,7 @@
 //! What does a run look like that is kept with the sources?
 //!
-//! Markdown, for people, next to the JSON of the same run: the machine, which targets were met, and the
-//! whole table as the terminal shows it.
+//! Markdown, for people, next to the JSON of the same run: the machine, which targets were met, and
+//! the whole table as the terminal shows it.
 
 use std::fmt::Write as _;
 
@@ -43,7 +43,8 @@ pub(super) fn markdown(report: &SpeedReport) -> String {
     text
 }
 
-/// What runs beneath: system, caches, memory, and how busy the machine is, where the system reports it.
+/// What runs beneath: system, caches, memory, and how busy the machine is, where the system reports
+/// it.
 pub(super) fn host() -> Vec<String> {
     let read = |path: &str| std::fs::read_to_string(path).ok();
     let first_words = |text: &str, count: usize| {

@@ -1,7 +1,7 @@
 //! What do OpenCV's extraction and FAISS take, when Python calls them?
 //!
-//! `scripts/speed_rivals.py` reads a job from a folder and answers in JSON; the script is part of this
-//! program, so that the two always fit.
+//! `scripts/speed_rivals.py` reads a job from a folder and answers in JSON; the script is part of
+//! this program, so that the two always fit.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

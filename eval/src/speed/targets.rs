@@ -1,7 +1,7 @@
 //! Which of the speeds that this project promises does the run bear out?
 //!
-//! A target is a ratio of two rows of one run, or a number that matters to a robot's user. A target whose
-//! rows are not there (no AVX-512, no FAISS, a smaller map) is not judged.
+//! A target is a ratio of two rows of one run, or a number that matters to a robot's user. A target
+//! whose rows are not there (no AVX-512, no FAISS, a smaller map) is not judged.
 
 use super::measurement::{Measurement, SpeedReport, Target};
 use super::{end_to_end, extraction, opening, search};
@@ -150,8 +150,8 @@ fn of_answers(rows: &Rows<'_>) -> Vec<Target> {
     ]
 }
 
-/// From how many places on a short list is faster than matching all of them, by the straight line between
-/// the sizes on both sides, on logarithmic axes; `None` if it never is, or always.
+/// From how many places on a short list is faster than matching all of them, by the straight line
+/// between the sizes on both sides, on logarithmic axes; `None` if it never is, or always.
 pub(super) fn break_even(report: &SpeedReport) -> Option<f64> {
     let ms = |case: &str, subject: &str| {
         (report.measurements.iter())

@@ -1,8 +1,9 @@
 //! Which images and descriptors are the measurements made on?
 //!
 //! Real ones where a dataset is named: every third visit of each place is queried, counted from the
-//! last, and the others are learnt. Larger sets are made of them by flipping bits: as many as differ between two sightings
-//! of one feature, a number drawn from what was counted between consecutive visits.
+//! last, and the others are learnt. Larger sets are made of them by flipping bits: as many as
+//! differ between two sightings of one feature, a number drawn from what was counted between
+//! consecutive visits.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -120,7 +121,8 @@ impl Workload {
         Ok(workload)
     }
 
-    /// Orders learnt images by visit and then by place, so that the first ones show different places.
+    /// Orders learnt images by visit and then by place, so that the first ones show different
+    /// places.
     fn interleave(&mut self) {
         let mut seen: BTreeMap<usize, usize> = BTreeMap::new();
         let visit_of = |&place: &usize| {
@@ -136,7 +138,8 @@ impl Workload {
         self.learnt = learnt.into_iter().map(|(_, features)| features).collect();
     }
 
-    /// Takes in how many bits differ between mutual nearest features that agree on one displacement.
+    /// Takes in how many bits differ between mutual nearest features that agree on one
+    /// displacement.
     fn count_flips(&mut self, before: &Features, after: &Features) {
         let Ok(cfg) = MatchConfig::builder().max_bits(256).mutual(true).build() else {
             return;

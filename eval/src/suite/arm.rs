@@ -22,8 +22,8 @@ pub struct Arm {
     /// The models of `fremen`; the first one, at its first order, also serves `fused` and `freex`.
     #[serde(default)]
     pub models: Vec<Model>,
-    /// Where given, the time of a place's i-th visit is i times this many seconds, as in the reference
-    /// benchmark, which knows the month of a visit only.
+    /// Where given, the time of a place's i-th visit is i times this many seconds, as in the
+    /// reference benchmark, which knows the month of a visit only.
     pub visit_clock_s: Option<f64>,
     /// How features are chosen, where not as the preset does.
     pub choice: Option<Choice>,
@@ -32,8 +32,8 @@ pub struct Arm {
     pub without: Vec<Evidence>,
     /// Added to the names of models, to distinguish the arms of an ablation.
     pub label: Option<String>,
-    /// Whether runs that count matches learn what a count is worth, for the judgement of posteriors;
-    /// in suites of many maps that is half of the time.
+    /// Whether runs that count matches learn what a count is worth, for the judgement of
+    /// posteriors; in suites of many maps that is half of the time.
     #[serde(default = "yes")]
     pub calibrate_counts: bool,
 }
@@ -101,8 +101,8 @@ fn timeless(cfg: LocalizerConfig) -> LocalizerConfig {
 }
 
 impl Arm {
-    /// The runs where times are no clock: a run that needs one is replaced by `static` and keeps its name,
-    /// as the default configuration does without a time that it can use.
+    /// The runs where times are no clock: a run that needs one is replaced by `static` and keeps
+    /// its name, as the default configuration does without a time that it can use.
     pub fn runs_without_clock(&self) -> Vec<Run> {
         let mut runs = self.runs(true);
         for run in &mut runs {
@@ -119,7 +119,8 @@ impl Arm {
     /// Everything to run, in the order of tables; without a clock, only what needs no time.
     ///
     /// Methods that predict features are run twice where the arm has likelihoods too: those go with
-    /// the preset's choice of features, matches are counted on the most likely ones, as in the papers.
+    /// the preset's choice of features, matches are counted on the most likely ones, as in the
+    /// papers.
     pub fn runs(&self, has_clock: bool) -> Vec<Run> {
         let mut runs = Vec::new();
         for &method in &self.methods {

@@ -1,8 +1,8 @@
 //! What is measured on what?
 //!
-//! A suite is a TOML file in `eval/suites/` (embedded here): a dataset, a protocol that keeps queries
-//! apart from what is learnt, the numbers of features n, and *arms*: a preset with the methods, models
-//! and scores to run it with. Suites hold no results and no thresholds.
+//! A suite is a TOML file in `eval/suites/` (embedded here): a dataset, a protocol that keeps
+//! queries apart from what is learnt, the numbers of features n, and *arms*: a preset with the
+//! methods, models and scores to run it with. Suites hold no results and no thresholds.
 
 mod arm;
 

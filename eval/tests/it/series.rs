@@ -10,7 +10,8 @@ use chronotope_eval::series::sampling::Sampling;
 use chronotope_eval::series::{self, SeriesResults};
 use chronotope_eval::suite::Suite;
 
-/// Edges that can be traversed by day only, with every ninth traversal the other way round; one has too few.
+/// Edges that can be traversed by day only, with every ninth traversal the other way round; one has
+/// too few.
 fn run() -> anyhow::Result<SeriesResults> {
     let dir = tempfile::tempdir()?;
     let edges = dir.path().join("series/edges");

@@ -7,8 +7,10 @@
 //! queries themselves, so that the difference at it is larger than it would be on others of the
 //! kind; the plot and the tables have all n.
 
+use std::fmt::Write as _;
+
 use crate::judge::rates::PairedDifference;
-use crate::results::{SuiteResults, Variant};
+use crate::results::{Row, SuiteResults, Variant};
 
 /// The baseline that every method is compared with.
 pub(super) const BASELINE: &str = "static";
@@ -71,7 +73,7 @@ impl Headline {
         let against_static = against(n);
         let is_better =
             |pair: &PairedDifference| pair.points.excludes_zero() && pair.points.mean < 0.0;
-        let error = results.row(&variant.at(n)).map(|row| row.wrong_percent());
+        let error = results.row(&variant.at(n)).map(Row::wrong_percent);
         let static_needs = (against_static.filter(is_better))
             .and(error)
             .and_then(|error| needs(results, &other, error));
@@ -94,12 +96,18 @@ impl Headline {
             self.n, row.queries
         );
         if let Some(pair) = &self.against_static {
-            text += &format!(", with a static map {:.1} %", 100.0 - pair.first_percent);
+            let _ = write!(
+                text,
+                ", with a static map {:.1} %",
+                100.0 - pair.first_percent
+            );
         }
         text += ".\n";
         if let Some(needs) = self.static_needs {
-            text +=
-                &format!("For as few mistakes the static map needs {needs} features a place.\n");
+            let _ = writeln!(
+                text,
+                "For as few mistakes the static map needs {needs} features a place."
+            );
         }
         text
     }

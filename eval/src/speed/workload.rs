@@ -26,7 +26,7 @@ const QUERY_EVERY: usize = 3;
 const MAX_IMAGES: usize = 12;
 
 /// Images, features and how much descriptors change.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Workload {
     name: String,
     /// Some images of one size.
@@ -68,13 +68,7 @@ impl Workload {
         let extractor = StarBrief::default();
         let mut workload = Self {
             name: dataset.name.clone(),
-            images: Vec::new(),
-            learnt: Vec::new(),
-            queries: Vec::new(),
-            times: Vec::new(),
-            learnt_places: Vec::new(),
-            query_places: Vec::new(),
-            flips: Vec::new(),
+            ..Self::default()
         };
         for (place, visits) in places.values().enumerate() {
             let visits = &visits[visits.len().saturating_sub(MAX_VISITS)..];
@@ -247,14 +241,8 @@ mod tests {
     #[test]
     fn a_descriptor_seen_anew_differs_in_as_many_bits_as_were_drawn() {
         let workload = Workload {
-            name: String::new(),
-            images: Vec::new(),
-            learnt: Vec::new(),
-            queries: Vec::new(),
-            times: Vec::new(),
-            learnt_places: Vec::new(),
-            query_places: Vec::new(),
             flips: vec![0, 256, 17],
+            ..Workload::default()
         };
         let mut random = SplitMix(3);
         for _ in 0..30 {

@@ -104,7 +104,7 @@ fn summary_row(
         interval_text(row),
         interval_text(row)
     );
-    let pair = baseline(results, &variant).and_then(|other| {
+    let pair = baseline(results, variant).and_then(|other| {
         PairedDifference::between(&results.queries, &other.at(row.n), &variant.at(row.n))
     });
     match pair {

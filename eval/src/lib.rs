@@ -1,30 +1,21 @@
 //! Which method recognises places best, how sure are we of it, and what does it look like?
 //!
 //! Finished answers become numbers and pictures here: [`results`] is the file `SUITE.json`,
-//! [`metrics`] turns answers into rates with intervals, [`judgement`] asks whether posteriors and
-//! decisions deserve their trust, [`compare`] pairs two runs query by query, [`table`] prints a run in a
-//! terminal and [`report`] draws it as one HTML file. [`series`] does all of this for single states over
-//! time.
+//! [`judge`] turns answers into rates with intervals, pairs two runs query by query and says
+//! whether posteriors and decisions deserve their trust, and [`report`] prints a run in a terminal
+//! and draws it as one HTML file. [`series`] does all of this for single states over time.
 
-pub mod compare;
-pub mod compare_pooled;
-pub mod exhibit;
-pub mod harness;
-pub mod judgement;
-pub mod material;
-pub mod metrics;
-pub mod replay;
+pub mod data;
+pub mod judge;
+pub(crate) mod progress;
+pub mod provenance;
 pub mod report;
 pub mod results;
 pub mod run;
 pub mod series;
-pub mod several;
 pub mod soak;
-pub mod soak_live;
 pub mod speed;
 pub mod suite;
-pub mod table;
-pub mod truth;
 
 // The made-up run is shared by unit and integration tests, which name this crate differently.
 #[cfg(test)]

@@ -5,15 +5,17 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, ensure};
-use chronotope_eval::compare_pooled::{POOLED_SUITES, compare_pooled};
+use chronotope_eval::judge::pooled::{POOLED_SUITES, compare_pooled};
+use chronotope_eval::judge::{compare, exact};
 use chronotope_eval::report::{self, ReportInput};
 use chronotope_eval::results::SuiteResults;
+use chronotope_eval::run::replay;
 use chronotope_eval::run::{RunOptions, run};
-use chronotope_eval::soak::{self, SoakOptions};
-use chronotope_eval::soak_live::{self, LiveOptions};
+use chronotope_eval::series;
+use chronotope_eval::soak::live::{self, LiveOptions};
+use chronotope_eval::soak::visits::{self, SoakOptions};
 use chronotope_eval::speed::{self, SpeedOptions};
 use chronotope_eval::suite::{Protocol, Suite};
-use chronotope_eval::{compare, replay, series, table};
 use clap::{Parser, Subcommand};
 
 /// Measures how well Chronotope's methods localise, on real and synthetic images.
@@ -36,46 +38,19 @@ enum Command {
     /// Shows the suites.
     List,
     /// Runs a suite: prints its table, writes SUITE.json and report.html.
-    Run {
-        /// The suite; see `list`.
-        suite: String,
-        /// The dataset's folder, or the folder that holds several datasets.
-        #[arg(long, env = "CHRONOTOPE_DATA")]
-        data: Option<PathBuf>,
-        /// Where results are written.
-        #[arg(long, default_value = "target/eval")]
-        out: PathBuf,
-        /// Where extracted features are kept from run to run [default: OUT/cache].
-        #[arg(long)]
-        cache: Option<PathBuf>,
-        /// Show this number of features in detail.
-        #[arg(long)]
-        n: Option<u32>,
-        /// Suites of series: the share of samples that thinning keeps [default: the suite's].
-        #[arg(long)]
-        share: Option<f64>,
-        #[command(flatten)]
-        replays: Replays,
-    },
-    /// Asks a suite's queries of the default once more, for a trace or a recording; judges nothing.
-    Replay {
-        /// The suite; see `list`.
-        suite: String,
-        /// The dataset's folder, or the folder that holds several datasets.
-        #[arg(long, env = "CHRONOTOPE_DATA")]
-        data: Option<PathBuf>,
-        /// Where extracted features are kept from run to run.
-        #[arg(long, default_value = "target/eval/cache")]
-        cache: PathBuf,
-        #[command(flatten)]
-        replays: Replays,
-    },
+    Run(RunArgs),
+    /// Answers a suite's queries once more by the default, for a trace or a recording; judges
+    /// nothing.
+    Replay(ReplayArgs),
     /// Compares two runs query by query.
     Compare {
         /// The file SUITE.json of the first run.
         a: PathBuf,
         /// The file SUITE.json of the second run.
         b: PathBuf,
+        /// Every field must be the same, but for commit, machine, command and times.
+        #[arg(long)]
+        exact: bool,
     },
     /// Compares the default with every baseline, pooled over the runs in a folder.
     Pooled {
@@ -85,51 +60,106 @@ enum Command {
         #[arg(long, value_delimiter = ',', default_values_t = [30, 50])]
         n: Vec<u32>,
     },
-    /// Times temporal models next to plain sums; search, extraction and whole answers next to OpenCV, `hnsw_rs` and FAISS.
-    Speed {
-        /// A dataset's folder or manifest [default: a rendered street].
-        #[arg(long)]
-        data: Option<PathBuf>,
-        /// Sizes of the maps that are localised in, places.
-        #[arg(
-            long,
-            value_delimiter = ',',
-            default_value = "5,8,10,300,1000,3000,10000"
-        )]
-        nodes: Vec<usize>,
-        /// Sizes of the sets that are searched, descriptors.
-        #[arg(
-            long,
-            value_delimiter = ',',
-            default_value = "400,40000,500000,1000000"
-        )]
-        rows: Vec<usize>,
-        /// The largest set that `hnsw_rs` builds a graph of; it takes minutes for 100,000 descriptors.
-        #[arg(long, default_value_t = 40_000)]
-        max_hnsw_rows: usize,
-        /// A Python with OpenCV (contrib) and FAISS; `make speed` makes one.
-        #[arg(long)]
-        python: Option<PathBuf>,
-        /// Only temporal models next to the papers' sums written plainly.
-        #[arg(long)]
-        only_temporal: bool,
-        /// Where speed.json, speed.txt and growth.svg are written.
-        #[arg(long, default_value = "target/speed")]
-        out: PathBuf,
-        /// Where the run is kept with the sources as well: speed.json, speed.md and growth.svg.
-        #[arg(long)]
-        record: Option<PathBuf>,
-    },
-    /// Visits one place of the rendered street again and again: size, memory, time and accuracy in tenths.
+    /// Times temporal models next to plain sums; search, extraction and whole answers next to
+    /// OpenCV, `hnsw_rs` and FAISS.
+    Speed(SpeedArgs),
+    /// Visits one place of the rendered street again and again: size, memory, time and accuracy in
+    /// tenths.
     Soak(SoakOptions),
-    /// Drives round the rendered street for an hour, learning while it localises, with a camera and a clock that fail.
+    /// Drives round the rendered street for an hour, learning while it localises, with a camera and
+    /// a clock that fail.
     SoakLive(LiveOptions),
+}
+
+/// A suite and its data.
+#[derive(clap::Args)]
+struct SuiteArgs {
+    /// The suite; see `list`.
+    suite: String,
+    /// The dataset's folder, or the folder that holds several datasets.
+    #[arg(long, env = "CHRONOTOPE_DATA")]
+    data: Option<PathBuf>,
+}
+
+/// What is run.
+#[derive(clap::Args)]
+struct RunArgs {
+    #[command(flatten)]
+    suite: SuiteArgs,
+    /// Where results are written.
+    #[arg(long, default_value = "target/eval")]
+    out: PathBuf,
+    /// Where extracted features are kept from run to run [default: OUT/cache].
+    #[arg(long)]
+    cache: Option<PathBuf>,
+    /// Show this number of features in detail [default: where the default and the static map differ
+    /// most].
+    #[arg(long)]
+    n: Option<u32>,
+    /// Suites of series: the share of samples that thinning keeps [default: the suite's].
+    #[arg(long)]
+    share: Option<f64>,
+    /// Synthetic suites: the number of worlds [default: the suite's].
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
+    worlds: Option<u64>,
+    #[command(flatten)]
+    replays: Replays,
+}
+
+/// What is replayed.
+#[derive(clap::Args)]
+struct ReplayArgs {
+    #[command(flatten)]
+    suite: SuiteArgs,
+    /// Where extracted features are kept from run to run.
+    #[arg(long, default_value = "target/eval/cache")]
+    cache: PathBuf,
+    #[command(flatten)]
+    replays: Replays,
+}
+
+/// What is timed.
+#[derive(clap::Args)]
+struct SpeedArgs {
+    /// A dataset's folder or manifest [default: a rendered street].
+    #[arg(long)]
+    data: Option<PathBuf>,
+    /// Sizes of the maps that are localised in, places.
+    #[arg(
+        long,
+        value_delimiter = ',',
+        default_value = "5,8,10,300,1000,3000,10000"
+    )]
+    nodes: Vec<usize>,
+    /// Sizes of the sets that are searched, descriptors.
+    #[arg(
+        long,
+        value_delimiter = ',',
+        default_value = "400,40000,500000,1000000"
+    )]
+    rows: Vec<usize>,
+    /// The largest set that `hnsw_rs` builds a graph of; it takes minutes for 100,000 descriptors.
+    #[arg(long, default_value_t = 40_000)]
+    max_hnsw_rows: usize,
+    /// A Python with OpenCV (contrib) and FAISS; `make speed` makes one.
+    #[arg(long)]
+    python: Option<PathBuf>,
+    /// Only temporal models next to the papers' sums written plainly.
+    #[arg(long)]
+    only_temporal: bool,
+    /// Where speed.json, speed.txt and growth.svg are written.
+    #[arg(long, default_value = "target/speed")]
+    out: PathBuf,
+    /// Where the run is kept with the sources as well: speed.json, speed.md and growth.svg.
+    #[arg(long)]
+    record: Option<PathBuf>,
 }
 
 /// What the queries of a suite can be watched again by.
 #[derive(clap::Args)]
 struct Replays {
-    /// Also write the evidence of every query of the default, one JSON object a line, with pictures.
+    /// Also write the evidence of every query of the default, one JSON object a line, with
+    /// pictures.
     #[arg(long, value_name = "OUT.jsonl")]
     trace: Option<PathBuf>,
     /// Also write a recording for the rerun viewer.
@@ -139,7 +169,7 @@ struct Replays {
 }
 
 impl Replays {
-    fn is_asked_for(&self) -> bool {
+    fn is_wanted(&self) -> bool {
         #[cfg(feature = "dashboard")]
         let is_recorded = self.rerun.is_some();
         #[cfg(not(feature = "dashboard"))]
@@ -149,7 +179,7 @@ impl Replays {
 
     /// Says before a long run that nothing could be traced.
     fn check(&self, suite: &Suite) -> Result<()> {
-        if self.is_asked_for() {
+        if self.is_wanted() {
             replay::check(suite)?;
         }
         Ok(())
@@ -170,16 +200,13 @@ impl Replays {
 }
 
 fn main() -> ExitCode {
-    match main_of(Args::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error:#}");
-            ExitCode::from(2)
-        }
-    }
+    main_of(Args::parse()).unwrap_or_else(|error| {
+        eprintln!("error: {error:#}");
+        ExitCode::from(2)
+    })
 }
 
-fn main_of(args: Args) -> Result<()> {
+fn main_of(args: Args) -> Result<ExitCode> {
     match args.command {
         Command::List => {
             for suite in Suite::builtin() {
@@ -187,98 +214,98 @@ fn main_of(args: Args) -> Result<()> {
                 println!("{:<16} {}", suite.name, suite.title);
             }
         }
-        Command::Run {
-            suite,
-            data,
-            out,
-            cache,
-            n,
-            share,
-            replays,
-        } => {
-            let suite = Suite::find(&suite)?;
-            replays.check(&suite)?;
-            ensure!(
-                share.is_none() || matches!(suite.protocol, Protocol::Series { .. }),
-                "--share is for suites of series; `{}` is none",
-                suite.name
-            );
-            let options = RunOptions {
-                data,
-                cache: cache.unwrap_or_else(|| out.join("cache")),
-                out,
-                share,
-                command: command_line(),
-            };
-            run_suite(&suite, &options, n, &replays)?;
+        Command::Run(args) => run_command(args)?,
+        Command::Replay(args) => replay_command(args)?,
+        Command::Compare { a, b, exact: true } => {
+            let differences = exact::compare_files(&a, &b)?;
+            print!("{differences}");
+            if differences.num > 0 {
+                return Ok(ExitCode::from(1));
+            }
         }
-        Command::Replay {
-            suite,
-            data,
-            cache,
-            replays,
-        } => {
-            ensure!(
-                replays.is_asked_for(),
-                "a replay needs somewhere to go (help: --trace OUT.jsonl)"
-            );
-            let suite = Suite::find(&suite)?;
-            let options = RunOptions {
-                data,
-                out: PathBuf::new(),
-                cache,
-                share: None,
-                command: command_line(),
-            };
-            replays.write(&suite, &options)?;
-        }
-        Command::Compare { a, b } => {
+        Command::Compare { a, b, .. } => {
             let [a, b] = [SuiteResults::read(&a)?, SuiteResults::read(&b)?];
             println!("{}", compare::compare(&a, &b)?);
         }
-        Command::Pooled { dir, n } => {
-            let mut runs = Vec::new();
-            for suite in POOLED_SUITES {
-                let path = dir.join(format!("{suite}.json"));
-                if path.exists() {
-                    runs.push(SuiteResults::read(&path)?);
-                } else {
-                    eprintln!("note: {} is missing and left out", path.display());
-                }
-            }
-            println!("{}", compare_pooled(&runs, &n)?);
-        }
-        Command::Soak(options) => print!("{}", soak::run(&options)?),
-        Command::SoakLive(options) => print!("{}", soak_live::run(&options)?),
-        Command::Speed {
-            data,
-            nodes,
-            rows,
-            max_hnsw_rows,
-            python,
-            only_temporal,
-            out,
-            record,
-        } => {
-            let options = SpeedOptions {
-                data,
-                nodes,
-                rows,
-                max_hnsw_rows,
-                python,
-                only_temporal,
-                out,
-                command: speed_command(record.as_deref()),
-                record,
-            };
-            let report = speed::run(&options)?;
-            print!("{}", speed::render(&report));
-            eprintln!(
-                "wrote speed.json, speed.txt and growth.svg in {}",
-                options.out.display()
-            );
+        Command::Pooled { dir, n } => pooled_command(&dir, &n)?,
+        Command::Soak(options) => print!("{}", visits::run(&options)?),
+        Command::SoakLive(options) => print!("{}", live::run(&options)?),
+        Command::Speed(args) => speed_command(args)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn run_command(args: RunArgs) -> Result<()> {
+    let suite = Suite::find(&args.suite.suite)?;
+    args.replays.check(&suite)?;
+    ensure!(
+        args.share.is_none() || matches!(suite.protocol, Protocol::Series { .. }),
+        "--share is for suites of series; `{}` is none",
+        suite.name
+    );
+    ensure!(
+        args.worlds.is_none() || matches!(suite.protocol, Protocol::Synthetic { .. }),
+        "--worlds is for synthetic suites; `{}` is none",
+        suite.name
+    );
+    let options = RunOptions {
+        data: args.suite.data,
+        cache: args.cache.unwrap_or_else(|| args.out.join("cache")),
+        out: args.out,
+        share: args.share,
+        worlds: args.worlds,
+        command: command_line(),
+    };
+    run_suite(&suite, &options, args.n, &args.replays)
+}
+
+fn replay_command(args: ReplayArgs) -> Result<()> {
+    ensure!(
+        args.replays.is_wanted(),
+        "a replay needs somewhere to go (help: --trace OUT.jsonl)"
+    );
+    let suite = Suite::find(&args.suite.suite)?;
+    let options = RunOptions {
+        data: args.suite.data,
+        cache: args.cache,
+        command: command_line(),
+        ..RunOptions::default()
+    };
+    args.replays.write(&suite, &options)
+}
+
+fn pooled_command(dir: &Path, all_n: &[u32]) -> Result<()> {
+    let mut runs = Vec::new();
+    for suite in POOLED_SUITES {
+        let path = dir.join(format!("{suite}.json"));
+        if path.exists() {
+            runs.push(SuiteResults::read(&path)?);
+        } else {
+            eprintln!("note: {} is missing and left out", path.display());
         }
     }
+    println!("{}", compare_pooled(&runs, all_n)?);
+    Ok(())
+}
+
+fn speed_command(args: SpeedArgs) -> Result<()> {
+    let options = SpeedOptions {
+        data: args.data,
+        nodes: args.nodes,
+        rows: args.rows,
+        max_hnsw_rows: args.max_hnsw_rows,
+        python: args.python,
+        only_temporal: args.only_temporal,
+        out: args.out,
+        command: command_to_keep(args.record.as_deref()),
+        record: args.record,
+    };
+    let report = speed::run(&options)?;
+    print!("{}", speed::render(&report));
+    eprintln!(
+        "wrote speed.json, speed.txt and growth.svg in {}",
+        options.out.display()
+    );
     Ok(())
 }
 
@@ -295,8 +322,9 @@ fn run_suite(suite: &Suite, options: &RunOptions, n: Option<u32>, replays: &Repl
         eprintln!("wrote {} and {}", json.display(), report.display());
         return Ok(());
     }
-    for (results, pictures) in run(suite, options)? {
-        println!("{}", table::render(&results, n));
+    for suite_run in run(suite, options)? {
+        let (results, pictures) = report::pictures(suite_run)?;
+        println!("{}", report::terminal::render(&results, n));
         let json = options.out.join(format!("{}.json", results.suite));
         results.write(&json)?;
         // A suite's own report has one fixed name; that of its control says so.
@@ -315,7 +343,7 @@ fn run_suite(suite: &Suite, options: &RunOptions, n: Option<u32>, replays: &Repl
 }
 
 /// The command as typed; what is kept with the sources names no folders of one machine.
-fn speed_command(record: Option<&Path>) -> String {
+fn command_to_keep(record: Option<&Path>) -> String {
     record.map_or_else(command_line, |_| {
         "make speed DATA=DIR RECORD=DIR".to_owned()
     })

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)] // reason: a test that cannot prepare itself has failed.
 
 mod architecture;
+mod circles;
 mod dataset;
 mod exchange;
 #[cfg(unix)]
@@ -19,6 +20,7 @@ mod matching;
 mod merge;
 mod newer;
 mod robot;
+mod source_text;
 mod synthetic;
 mod tracking;
 mod untrusted;

@@ -41,8 +41,8 @@ impl<T: fmt::Display> fmt::Display for Esc<T> {
     }
 }
 
-/// Text that breaks between words alone, so that neither `--out` nor a date is torn at a hyphen; what is
-/// wider than the page still breaks.
+/// Text that breaks between words alone, so that neither `--out` nor a date is torn at a hyphen;
+/// what is wider than the page still breaks.
 pub(crate) struct Words<'a>(pub(crate) &'a str);
 
 impl fmt::Display for Words<'_> {

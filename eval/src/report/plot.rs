@@ -1,8 +1,8 @@
 //! How do numbers become lines that a phone, a dark screen and a colour-blind reader can show?
 //!
 //! SVG is written by hand and not by a plotting crate because colours have to be classes of the
-//! page's style sheet: the same picture then follows light and dark mode, and a script can bring one
-//! line out. A line differs from its neighbours by colour, dashes *and* marker.
+//! page's style sheet: the same picture then follows light and dark mode, and a script can bring
+//! one line out. A line differs from its neighbours by colour, dashes *and* marker.
 
 use super::html::{Esc, put};
 
@@ -23,7 +23,7 @@ pub(super) struct Point {
     pub(super) label: String,
 }
 
-/// One line.
+/// One line of a plot.
 pub(super) struct Series {
     pub(super) name: String,
     /// Index into the colours of the style sheet.

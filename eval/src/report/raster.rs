@@ -1,17 +1,20 @@
-//! How do a place's features and the rhythms of one of them look as a whole?
+//! How do the features of a place look as a whole, visit by visit?
 
-use super::Raster;
+use super::axis::time_ticks;
+use super::content::Raster;
 use super::html::{Esc, put};
-use super::pictures::time_ticks;
-use super::plot::path;
-use chronotope::trace::SpectrumSummary;
 
 const WIDTH: f64 = 960.0;
+
 const LEFT: f64 = 16.0;
+
 const RIGHT: f64 = 16.0;
+
 const TOP: f64 = 6.0;
+
 /// Height of a row.
 const ROW: f64 = 9.0;
+
 /// Steps of shade.
 const NUM_SHADES: usize = 8;
 
@@ -111,99 +114,10 @@ fn agreement(raster: &Raster) -> String {
     format!("p of at least one half agrees with what was seen in {agree} of {num} cells")
 }
 
-const SPECTRUM_WIDTH: f64 = 480.0;
-const SPECTRUM_LEFT: f64 = 46.0;
-const SPECTRUM_RIGHT: f64 = 14.0;
-const SPECTRUM_TOP: f64 = 14.0;
-const SPECTRUM_BOTTOM: f64 = 92.0;
-
-/// The amplitudes of a feature's rhythms over the sampling window.
-pub(super) fn spectrum(html: &mut String, title: &str, sheet: &SpectrumSummary) {
-    let (Some(&first), Some(&last)) = (sheet.frequencies.first(), sheet.frequencies.last()) else {
-        return;
-    };
-    let width = SPECTRUM_WIDTH - SPECTRUM_LEFT - SPECTRUM_RIGHT;
-    let x = |f: f64| SPECTRUM_LEFT + 6.0 + (f - first) / (last - first).max(1e-12) * (width - 12.0);
-    let y = |share: f64| SPECTRUM_BOTTOM - share.clamp(0.0, 1.0) * (SPECTRUM_BOTTOM - SPECTRUM_TOP);
-    let strongest = (sheet.frequencies.iter().zip(&sheet.amplitudes))
-        .max_by(|a, b| a.1.total_cmp(b.1))
-        .map_or((0.0, 0.0), |(frequency, amplitude)| {
-            (*frequency, *amplitude)
-        });
-    put!(
-        html,
-        "<svg viewBox=\"0 0 {SPECTRUM_WIDTH} 130\" role=\"img\" aria-label=\"Spectrum of {}: strongest at \
-         {:.2} cycles per {}, amplitude {:.2}\">",
-        Esc(title),
-        strongest.0,
-        Esc(&sheet.per),
-        strongest.1
-    );
-    for (share, text) in [(0.0, "0"), (1.0, "1")] {
-        put!(
-            html,
-            "<path class=\"axis\" d=\"M{SPECTRUM_LEFT} {at:.1}H{:.1}\"/><text x=\"{}\" y=\"{:.1}\" \
-             text-anchor=\"end\">{text}</text>",
-            SPECTRUM_WIDTH - SPECTRUM_RIGHT,
-            SPECTRUM_LEFT - 7.0,
-            y(share) + 4.5,
-            at = y(share)
-        );
-    }
-    let window = (sheet.frequencies.iter().zip(&sheet.window)).map(|(&f, &w)| (x(f), y(w)));
-    put!(
-        html,
-        "<path class=\"window\" d=\"{}L{:.1} {b:.1}L{:.1} {b:.1}Z\"/>",
-        path(window),
-        x(last),
-        x(first),
-        b = y(0.0)
-    );
-    html.push_str("<path class=\"stems\" d=\"");
-    for (&f, &amplitude) in sheet.frequencies.iter().zip(&sheet.amplitudes) {
-        put!(html, "M{:.1} {:.1}V{:.1}", x(f), y(0.0), y(amplitude));
-    }
-    html.push_str("\"/>");
-    for (f, text) in frequency_ticks(first, last) {
-        put!(
-            html,
-            "<path class=\"tick\" d=\"M{x:.1} {SPECTRUM_BOTTOM}v5\"/><text x=\"{x:.1}\" y=\"{:.1}\" \
-             text-anchor=\"middle\">{text}</text>",
-            SPECTRUM_BOTTOM + 18.0,
-            x = x(f)
-        );
-    }
-    put!(
-        html,
-        "<text x=\"{:.1}\" y=\"126\" text-anchor=\"middle\">cycles per {}; grey: when visits came</text></svg>",
-        SPECTRUM_LEFT + width / 2.0,
-        Esc(&sheet.per)
-    );
-}
-
-/// At most seven round frequencies between two.
-fn frequency_ticks(first: f64, last: f64) -> Vec<(f64, String)> {
-    const STEPS: [f64; 3] = [1.0, 2.0, 5.0];
-    let span = last - first;
-    if !span.is_finite() || span <= 0.0 {
-        return vec![(first, format!("{first:.1}"))];
-    }
-    let decade = span.log10().floor() as i32 - 1;
-    let steps = (decade..=decade + 1).flat_map(|power| STEPS.map(|step| (step, power)));
-    let (step, power) = (steps.into_iter())
-        .find(|&(step, power)| span / (step * 10_f64.powi(power)) <= 6.0)
-        .unwrap_or((1.0, decade + 2));
-    let step = step * 10_f64.powi(power);
-    let decimals = (-power).max(0) as usize;
-    ((first / step).ceil() as i64..=(last / step).floor() as i64)
-        .map(|i| (i as f64 * step, format!("{:.decimals$}", i as f64 * step)))
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::{RasterRow, TimeAxis};
+    use crate::report::content::{RasterRow, TimeAxis};
 
     fn sample() -> Raster {
         Raster {
@@ -227,37 +141,5 @@ mod tests {
         assert_eq!(dots.split('"').next().unwrap().matches('M').count(), 2);
         assert!(html.contains("in 1 of 3 cells") && html.contains("a&lt;b"));
         assert!(section(None).is_empty());
-    }
-
-    #[test]
-    fn frequencies_are_marked_at_round_numbers() {
-        let texts = |first, last| -> Vec<String> {
-            let ticks = frequency_ticks(first, last);
-            assert!((2..=7).contains(&ticks.len()), "{ticks:?}");
-            assert!(ticks.iter().all(|(f, _)| (first..=last).contains(f)));
-            ticks.into_iter().map(|(_, text)| text).collect()
-        };
-        assert_eq!(texts(0.13, 2.6), ["0.5", "1.0", "1.5", "2.0", "2.5"]);
-        assert_eq!(texts(1.0, 12.0), ["2", "4", "6", "8", "10", "12"]);
-        for last in [0.01, 0.7, 3.3, 24.0, 99.0, 4_321.0] {
-            texts(last / 40.0, last);
-        }
-        assert_eq!(frequency_ticks(1.0, 1.0).len(), 1);
-    }
-
-    #[test]
-    fn a_spectrum_names_its_strongest_rhythm() {
-        let sheet = SpectrumSummary {
-            per: "day".into(),
-            frequencies: vec![0.5, 1.0, 1.5],
-            amplitudes: vec![0.1, 0.6, 0.2],
-            window: vec![0.0, 0.3, 1.0],
-        };
-        let mut html = String::new();
-        spectrum(&mut html, "feature", &sheet);
-        assert!(html.contains("strongest at 1.00 cycles per day, amplitude 0.60"));
-        let mut none = String::new();
-        spectrum(&mut none, "feature", &SpectrumSummary::default());
-        assert!(none.is_empty());
     }
 }

@@ -1,15 +1,16 @@
 //! What does a run over series show, so that a stranger sees it in ten seconds?
 //!
-//! The same frame as the report of images: what was found in one sentence, p(t) over the data, error over
-//! order, the spectrum over that of the sampling, and all numbers.
+//! The same frame as the report of images: what was found in one sentence, p(t) over the data,
+//! error over order, the spectrum over that of the sampling, and all numbers.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use chronotope::Result;
 
-use super::document;
-use super::html::{Esc, Words, put};
+use super::axis::probability_lines;
+use super::html::{Esc, put};
+use super::page::{document, run_again};
 use super::plot::{Point, Scale, Series, SharePlot, path};
 use crate::results::{Order, write_atomically};
 use crate::series::sampling::Sampling;
@@ -33,13 +34,13 @@ pub fn render_series(results: &SeriesResults) -> String {
         ("summary", "All numbers", summary(results)),
     ];
     document(
-        &format!("{}: is the state foretold?", results.suite),
+        &format!("{}: is the state predicted?", results.suite),
         &head(results),
         &sections,
         "<p>Wrong: p(t) on the wrong side of 1/2. Brier score: mean squared difference of p and state, log \
          loss: mean of \u{2212}ln p of what came, p no closer to 0 or 1 than 0.001. Intervals: percentile \
          bootstrap over blocks of time; against the mean: the difference block by block, same draws. Orders \
-         of FreMEn are shown in full, none is chosen by what was asked for.</p>",
+         of FreMEn are shown in full, none is chosen by the queries.</p>",
     )
 }
 
@@ -55,7 +56,7 @@ fn head(results: &SeriesResults) -> String {
     let mut html = String::new();
     put!(
         html,
-        "<h1>Is the state foretold? Suite {}</h1><p class=\"sub\">{}</p>",
+        "<h1>Is the state predicted? Suite {}</h1><p class=\"sub\">{}</p>",
         Esc(&results.suite),
         Esc(&results.title)
     );
@@ -70,7 +71,7 @@ fn head(results: &SeriesResults) -> String {
         put!(
             html,
             "<p class=\"verdict\">Learnt from office hours alone (Monday to Friday, 8 to 18 h), model \
-             <em>{}</em> foretells every hour with a Brier score of <strong>{:.3}</strong>, <strong \
+             <em>{}</em> predicts every hour with a Brier score of <strong>{:.3}</strong>, <strong \
              class=\"{class}\">{words}</strong> than FreMEn as printed in the papers <span class=\"word\">({},</span> order chosen on \
              held-out samples: {:.3}).</p>",
             Esc(&ours.model),
@@ -98,13 +99,7 @@ fn head(results: &SeriesResults) -> String {
         );
     }
     html.push_str("</div>");
-    if !results.command.is_empty() {
-        put!(
-            html,
-            "<p class=\"again\">Run it again: <code>{}</code></p>",
-            Words(&results.command)
-        );
-    }
+    run_again(&mut html, &results.command);
     html.push_str("<details><summary>How this was measured</summary><dl class=\"facts\">");
     for (name, value) in facts(results) {
         put!(html, "<dt>{name}</dt><dd>{}</dd>", Esc(value));
@@ -140,7 +135,7 @@ fn curves(drawings: &[Drawing]) -> String {
         return html;
     }
     html.push_str(
-        "<h2>What was foretold, what came?</h2><p class=\"hint\">Grey: the state was 1 (until the next sample), in time that no model \
+        "<h2>What was predicted, what came?</h2><p class=\"hint\">Grey: the state was 1 (until the next sample), in time that no model \
          had seen. Lines: p(t) of each model; what it was learnt from stands in the title.</p>\
          <div class=\"grid level\">",
     );
@@ -174,17 +169,7 @@ fn curve(html: &mut String, drawing: &Drawing) {
         put!(d, "M{x:.1} {TOP}h{width:.1}V{BOTTOM}h-{width:.1}Z");
     }
     put!(html, "<path class=\"truth\" d=\"{d}\"/>");
-    for (p, text) in [(0.0, "0"), (0.5, "0.5"), (1.0, "1")] {
-        put!(
-            html,
-            "<path class=\"axis\" d=\"M{LEFT} {y:.1}H{}\"/><text x=\"{}\" y=\"{:.1}\" \
-             text-anchor=\"end\">{text}</text>",
-            WIDTH - RIGHT,
-            LEFT - 6.0,
-            py(p) + 4.5,
-            y = py(p)
-        );
-    }
+    probability_lines(html, (LEFT, WIDTH - RIGHT), 6.0, py);
     for (time, text) in day_ticks(first, last) {
         put!(
             html,
@@ -379,7 +364,7 @@ fn spectra(spectra: &[Spectrum]) -> String {
     html.push_str(
         "<h2>Which rhythms, and which are the sampling\u{2019}s own?</h2><p class=\"hint\">Above: amplitudes \
          2|g| of the learnt state. Below, upside down: the transform |W|/m of the sampling itself, 0 where \
-         samples are spread evenly over a cycle. Rhythms above a strong window line cannot be told from the \
+         samples are spread evenly over a cycle. Rhythms above a strong window line cannot be distinguished from the \
          mean or from each other: that is why all are solved for together.</p><div class=\"grid\">",
     );
     for spectrum in spectra {

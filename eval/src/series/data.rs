@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail, ensure};
 use chronotope::{Period, Time};
 use sha2::{Digest, Sha256};
 
-use crate::run::hex;
+use crate::provenance::hex;
 use crate::suite::Form;
 
 /// When, and whether the state was 1.
@@ -29,18 +29,18 @@ pub struct Series {
     pub name: String,
     /// What may be learnt, ascending in time.
     pub learn: Vec<State>,
-    /// What is asked for.
+    /// What is queried.
     pub parts: Vec<Part>,
 }
 
 /// The series of a suite with their digest and what should be known of them.
 #[derive(Clone, Debug)]
-pub struct Material {
-    /// The series.
+pub struct SeriesDataset {
+    /// The series, each with what is learnt and what is queried.
     pub series: Vec<Series>,
     /// Of the bytes of all files.
     pub sha256: String,
-    /// In words: what is learnt, what is asked for.
+    /// In words: what is learnt, what is queried.
     pub split: String,
     /// What was left out and what was assumed.
     pub notes: Vec<String>,
@@ -55,20 +55,21 @@ const MIN_TRAVERSALS: usize = 50;
 /// The share of an edge's traversals that is learnt.
 const LEARNT_SHARE: f64 = 0.7;
 
-/// Reads the series of `form` in `data`, which is their folder or one that holds it (also as `series/`).
-pub fn read(form: Form, data: &Path) -> Result<Material> {
+/// Reads the series of `form` in `data`, which is their folder or one that holds it (also as
+/// `series/`).
+pub fn read(form: Form, data: &Path) -> Result<SeriesDataset> {
     let mut files = Files {
         folder: folder(form, data)?,
         digest: Sha256::new(),
     };
-    let mut material = match form {
+    let mut dataset = match form {
         Form::Door => door(&mut files)?,
         Form::Door2016 => door2016(&mut files)?,
         Form::Aruba => aruba(&mut files)?,
         Form::Edges => edges(&mut files)?,
     };
-    material.sha256 = hex(&files.digest.finalize());
-    Ok(material)
+    dataset.sha256 = hex(&files.digest.finalize());
+    Ok(dataset)
 }
 
 /// The first of the possible folders that exists.
@@ -135,7 +136,7 @@ impl Files {
     }
 }
 
-fn door(files: &mut Files) -> Result<Material> {
+fn door(files: &mut Files) -> Result<SeriesDataset> {
     let learn = files.table("week.csv.gz", A_MONDAY)?;
     let parts = ["day7", "day8"].map(|name| -> Result<Part> {
         Ok(Part {
@@ -143,22 +144,22 @@ fn door(files: &mut Files) -> Result<Material> {
             states: files.table(&format!("{name}.csv.gz"), A_MONDAY)?,
         })
     });
-    Ok(Material {
+    Ok(SeriesDataset {
         series: vec![Series {
             name: "door".into(),
             learn,
             parts: parts.into_iter().collect::<Result<_>>()?,
         }],
         sha256: String::new(),
-        split: "one week, a sample a second, learnt; the two days after it asked for".into(),
+        split: "one week, a sample a second, learnt; the two days after it queried".into(),
         notes: vec!["Times count from a Monday of no date.".into()],
     })
 }
 
-fn door2016(files: &mut Files) -> Result<Material> {
+fn door2016(files: &mut Files) -> Result<SeriesDataset> {
     let learn = files.table("learn_10_weeks.csv.gz", Time::from_s(0))?;
     let states = files.table("test_week_1.csv.gz", Time::from_s(0))?;
-    Ok(Material {
+    Ok(SeriesDataset {
         series: vec![Series {
             name: "door2016".into(),
             learn,
@@ -168,12 +169,12 @@ fn door2016(files: &mut Files) -> Result<Material> {
             }],
         }],
         sha256: String::new(),
-        split: "ten weeks, a sample a minute, learnt; a later week asked for".into(),
+        split: "ten weeks, a sample a minute, learnt; a later week queried".into(),
         notes: Vec::new(),
     })
 }
 
-fn aruba(files: &mut Files) -> Result<Material> {
+fn aruba(files: &mut Files) -> Result<SeriesDataset> {
     const LEARNT_MINUTES: usize = 12 * 7 * 24 * 60;
     let names = files.text("location.names")?;
     let text = files.text("location.min")?;
@@ -200,10 +201,10 @@ fn aruba(files: &mut Files) -> Result<Material> {
                 .collect(),
         }],
     });
-    Ok(Material {
+    Ok(SeriesDataset {
         series: series.collect(),
         sha256: String::new(),
-        split: "presence in each room, a sample a minute: weeks 1 to 12 learnt, 13 to 16 asked for"
+        split: "presence in each room, a sample a minute: weeks 1 to 12 learnt, 13 to 16 queried"
             .into(),
         notes: vec![
             "The days have no dates: the first is taken as a Monday, which makes office hours a \
@@ -217,7 +218,7 @@ fn aruba(files: &mut Files) -> Result<Material> {
     })
 }
 
-fn edges(files: &mut Files) -> Result<Material> {
+fn edges(files: &mut Files) -> Result<SeriesDataset> {
     let mut names: Vec<String> = (std::fs::read_dir(&files.folder)?)
         .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
         .filter(|name| {
@@ -247,13 +248,13 @@ fn edges(files: &mut Files) -> Result<Material> {
             few.push(name);
             continue;
         }
-        let asked = states.split_off((states.len() as f64 * LEARNT_SHARE) as usize);
+        let queried = states.split_off((states.len() as f64 * LEARNT_SHARE) as usize);
         series.push(Series {
             name,
             learn: states,
             parts: vec![Part {
                 name: "last 30 %".into(),
-                states: asked,
+                states: queried,
             }],
         });
     }
@@ -262,9 +263,9 @@ fn edges(files: &mut Files) -> Result<Material> {
         "{} has no edges",
         files.folder.display()
     );
-    Ok(Material {
+    Ok(SeriesDataset {
         split: format!(
-            "success of traversals of {} edges: the first 70 % of each learnt, the rest asked for",
+            "success of traversals of {} edges: the first 70 % of each learnt, the rest queried",
             series.len()
         ),
         series,

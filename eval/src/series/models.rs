@@ -1,6 +1,6 @@
 //! Which forecasts are compared?
 //!
-//! Every temporal model of the papers, and ours. None is tuned to a suite.
+//! Every temporal model of the papers and those of this library. None is tuned to a suite.
 
 use anyhow::Result;
 use chronotope::spectrum::{
@@ -31,7 +31,8 @@ const FFT: &str = "fft";
 
 const LOGISTIC: &str = "logistic-week-day";
 
-/// Logistic regression walks through its samples dozens of times, so it gets evenly spaced ones of many.
+/// Logistic regression walks through its samples dozens of times, so it gets evenly spaced ones of
+/// many.
 const MAX_LOGISTIC: usize = 20_000;
 
 /// With fewer samples to judge by, the order is 0.
@@ -60,7 +61,7 @@ pub struct Instant {
 }
 
 impl Instant {
-    /// Some time.
+    /// An instant at the epoch; [`set`](Self::set) moves it.
     pub fn new() -> Result<Self> {
         let candidates = candidates()?;
         let phasors = vec![0.0; 2 * candidates.len()];
@@ -182,8 +183,8 @@ pub fn forecasts(states: &[State], wanted: impl Fn(&str) -> bool) -> Result<Vec<
     Ok(forecasts)
 }
 
-/// The order that foretells the latest fifth of the samples best, learnt from those before (T-RO IV-B): the
-/// lower one of equals, 0 with few samples.
+/// The order that predicts the latest fifth of the samples best, learnt from those before (T-RO
+/// IV-B): the lower one of equals, 0 with few samples.
 fn held_out_order(states: &[State], balance: Balance) -> Result<usize> {
     let (earlier, latest) = states.split_at(states.len() - states.len() / 5);
     if latest.len() < MIN_HELD_OUT {

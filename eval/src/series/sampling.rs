@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::data::State;
 
-/// A way to thin a series before it is learnt; what is asked for is never thinned.
+/// A way to thin a series before it is learnt; what is queried is never thinned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sampling {

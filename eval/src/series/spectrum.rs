@@ -4,14 +4,14 @@ use anyhow::Result;
 use chronotope::Period;
 use chronotope::spectrum::{CandidatePeriods, SpectralSums};
 
-use super::data::{Material, State};
+use super::data::{SeriesDataset, State};
 use super::models::candidates;
 use super::sampling::Sampling;
 
-/// One rhythm.
+/// One rhythm of a series.
 #[derive(Clone, Copy, Debug)]
 pub struct Line {
-    /// Its length.
+    /// Length of its period, s.
     pub period_s: f64,
     /// How far p(t) swings to either side, `2 abs(g_k)`.
     pub amplitude: f64,
@@ -29,9 +29,9 @@ pub struct Spectrum {
 }
 
 /// Of the liveliest series, with each sampling.
-pub(super) fn spectra(material: &Material, share: f64) -> Result<Vec<Spectrum>> {
+pub(super) fn spectra(dataset: &SeriesDataset, share: f64) -> Result<Vec<Spectrum>> {
     let ones = |states: &[State]| states.iter().filter(|state| state.1).count() as f64;
-    let liveliest = material.series.iter().max_by(|a, b| {
+    let liveliest = dataset.series.iter().max_by(|a, b| {
         let distance = |states: &[State]| -(ones(states) / states.len() as f64 - 0.5).abs();
         distance(&a.learn).total_cmp(&distance(&b.learn))
     });

@@ -1,14 +1,15 @@
 //! How long does an answer take in a map of so many places, and which stage takes it?
 //!
-//! A place is one learnt image, each of its features seen anew, with a year of visits in which features
-//! come and go; the first places of a map are of different streets, and a large map has many look-alikes
-//! of each. Queries are images that were not learnt, asked in one time bucket, whose prediction is a row
-//! of its own. The stages are what [`Localizer::localize_into`] does: `match` is called by itself on the
-//! features that were predicted, and what is left of the whole is the vote, the log odds, the ranking and
-//! the decision. Beside the default stands the plain count of matches, which decides by nothing else.
+//! A place is one learnt image, each of its features seen anew, with a year of visits in which
+//! features come and go; the first places of a map are of different streets, and a large map has
+//! many look-alikes of each. Queries are images that were not learnt, all in one time bucket, whose
+//! prediction is a row of its own. The stages are what [`Localizer::localize_into`] does: `match`
+//! is called by itself on the features that were predicted, and what is left of the whole is the
+//! vote, the log odds, the ranking and the decision. Beside the default stands the plain count of
+//! matches, which decides by nothing else.
 //!
-//! Short lists of candidates are judged by the exact answer to the same query: the share of first places
-//! that are the same.
+//! Short lists of candidates are judged by the exact answer to the same query: the share of first
+//! places that are the same.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -26,8 +27,9 @@ use chronotope::matching::{MatchScratch, Matcher};
 use chronotope::predict::Selection;
 use chronotope::visibility::BitRow;
 
-use super::material::SplitMix;
-use super::{Material, Measurement, opening, time as repeat};
+use super::measurement::{Measurement, time as repeat};
+use super::opening;
+use super::workload::{SplitMix, Workload};
 
 /// What the section is called; the plot of growth looks for it.
 pub(super) const SECTION: &str = "one answer, 50 features a place, 500 live";
@@ -55,14 +57,14 @@ const NUM_THREADS: usize = 2;
 const MIN_OPENED: usize = 1_000;
 
 /// Every stage in a map of `num_nodes` places.
-pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measurement>> {
+pub(super) fn measure(workload: &Workload, num_nodes: usize) -> Result<Vec<Measurement>> {
     ensure!(num_nodes > 0, "a map of 0 places cannot be localised in");
     let case = format!("{num_nodes} places");
     let row = |subject: &str, ms: &[f64]| Measurement::new(SECTION, &case, subject, ms);
     let memory = resident_bytes();
-    let snapshot = Arc::new(snapshot(material, num_nodes)?);
+    let snapshot = Arc::new(snapshot(workload, num_nodes)?);
     let num_features: usize = snapshot.nodes.iter().map(|node| node.features.len()).sum();
-    let time = material.times.iter().max().copied().unwrap_or_default();
+    let time = workload.times.iter().max().copied().unwrap_or_default();
 
     let start = Instant::now();
     let cfg = LocalizerConfig::preset(Preset::Default)
@@ -71,26 +73,26 @@ pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measu
     let localizer = Localizer::new(Arc::clone(&snapshot), cfg.clone())?;
     let fit_ms = start.elapsed().as_secs_f64() * 1e3;
     let predict_ms = predict(&localizer, time)?;
-    let exact = Asked::of(&localizer, material, time)?;
-    let batch_ms = batch(&localizer, material, time, &exact)?;
+    let exact = Answered::of(&localizer, workload, time)?;
+    let batch_ms = batch(&localizer, workload, time, &exact)?;
     let per_feature = resident_bytes()
         .zip(memory)
         .map(|(now, before)| now.saturating_sub(before) as f64 / num_features as f64);
     let memory = per_feature.map_or(String::new(), |bytes| {
         format!(", {bytes:.0} bytes a feature with map, models and forecast")
     });
-    let (match_ms, num_pairs) = match_alone(&localizer, material, time, exact.whole.len())?;
+    let (match_ms, num_pairs) = match_alone(&localizer, workload, time, exact.whole.len())?;
     let decide: Vec<f64> = (exact.whole.iter().zip(&match_ms))
         .map(|(whole, matching)| (whole - matching).max(0.0))
         .collect();
-    let right = (exact.first.iter().zip(material.query_places.iter().cycle()))
-        .filter(|(first, place)| first.map(|id| material.place_of(id.0 as usize)) == Some(**place));
+    let right = (exact.first.iter().zip(workload.query_places.iter().cycle()))
+        .filter(|(first, place)| first.map(|id| workload.place_of(id.0 as usize)) == Some(**place));
     let share = 100.0 * right.count() as f64 / exact.first.len() as f64;
-    let rate = num_pairs as f64 * 1e3 / crate::metrics::p50_p99(&match_ms).0;
+    let rate = num_pairs as f64 * 1e3 / crate::judge::statistics::p50_p99(&match_ms).0;
     let mut rows = vec![
         row("fit and calibrate, once", &[fit_ms]).note(format!("{num_features} features{memory}")),
         row("predict, once a bucket", &predict_ms).note("10 minutes are a bucket"),
-        row(EXTRACT, &extract(material)?).note("one image, as in its own section"),
+        row(EXTRACT, &extract(workload)?).note("one image, as in its own section"),
         row("match", &match_ms)
             .pairs(num_pairs)
             .note(format!("{rate:.3e} pairs/s")),
@@ -104,8 +106,8 @@ pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measu
     if num_nodes <= MAX_COUNTED {
         let counting = cfg.clone().with_score(Score::Count).with_calibrated(false);
         let counting = Localizer::new(Arc::clone(&snapshot), counting)?;
-        let counted = Asked::of(&counting, material, time)?;
-        let p50 = |ms: &[f64]| crate::metrics::p50_p99(ms).0;
+        let counted = Answered::of(&counting, workload, time)?;
+        let p50 = |ms: &[f64]| crate::judge::statistics::p50_p99(ms).0;
         let more = 100.0 * (p50(&exact.whole) / p50(&counted.whole) - 1.0);
         rows.push(row("whole, plain count", &counted.whole).note(format!(
             "the likelihood takes {more:+.0} % more at the median"
@@ -123,7 +125,7 @@ pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measu
         localizer = localizer.with_place_search(kind)?;
         localizer.prefetch(time);
         let build_ms = start.elapsed().as_secs_f64() * 1e3;
-        let listed = Asked::of(&localizer, material, time)?;
+        let listed = Answered::of(&localizer, workload, time)?;
         let same = (listed.first.iter().zip(&exact.first)).filter(|(ours, exact)| ours == exact);
         let recall = same.count() as f64 / listed.first.len().min(exact.first.len()) as f64;
         let listed_row = row(name, &listed.whole).recall(recall);
@@ -134,27 +136,27 @@ pub(super) fn measure(material: &Material, num_nodes: usize) -> Result<Vec<Measu
             build_ms / 1e3
         )));
         if kind == PlaceSearch::Inverted {
-            let ms = batch(&localizer, material, time, &listed)?;
+            let ms = batch(&localizer, workload, time, &listed)?;
             rows.push(row("inverted file, batch on two threads", &ms));
         }
     }
     drop(localizer);
     if num_nodes >= MIN_OPENED {
         let cfg = cfg.with_place_search(PlaceSearch::Auto);
-        rows.extend(opening::measure(material, &snapshot, &cfg, time)?);
+        rows.extend(opening::measure(workload, &snapshot, &cfg, time)?);
     }
     Ok(rows)
 }
 
-/// Milliseconds an image of answering all queries in one batch, on two threads; what one thread and two answer
-/// must be what was answered one by one.
+/// Milliseconds an image of answering all queries in one batch, on two threads; what one thread and
+/// two answer must be what was answered one by one.
 fn batch(
     localizer: &Localizer,
-    material: &Material,
+    workload: &Workload,
     time: Time,
-    singly: &Asked,
+    singly: &Answered,
 ) -> Result<Vec<f64>> {
-    let queries: Vec<Query<'_>> = (material.queries.iter())
+    let queries: Vec<Query<'_>> = (workload.queries.iter())
         .take(singly.first.len())
         .map(|features| Query::new(features).at(time))
         .collect();
@@ -190,37 +192,37 @@ fn least(ms: &[f64]) -> f64 {
 
 /// One answer to each query.
 #[derive(Default)]
-struct Asked {
-    /// Milliseconds.
+struct Answered {
+    /// Milliseconds that each answer took.
     whole: Vec<f64>,
     first: Vec<Option<NodeId>>,
 }
 
-impl Asked {
-    fn of(localizer: &Localizer, material: &Material, time: Time) -> Result<Self> {
-        let mut asked = Self::default();
+impl Answered {
+    fn of(localizer: &Localizer, workload: &Workload, time: Time) -> Result<Self> {
+        let mut answered = Self::default();
         let mut scratch = localizer.scratch();
         let mut out = Localization::default();
         let start = Instant::now();
-        let features = material.queries.iter().cycle();
-        for features in (material.queries.first().into_iter()).chain(features.take(MAX_ANSWERS)) {
-            if asked.whole.len() > MIN_ANSWERS && start.elapsed().as_secs_f64() > ENOUGH_S {
+        let features = workload.queries.iter().cycle();
+        for features in (workload.queries.first().into_iter()).chain(features.take(MAX_ANSWERS)) {
+            if answered.whole.len() > MIN_ANSWERS && start.elapsed().as_secs_f64() > ENOUGH_S {
                 break;
             }
             let query = Query::new(features).at(time);
             let start = Instant::now();
             localizer.localize_into(&mut scratch, &query, &mut out)?;
-            asked.whole.push(start.elapsed().as_secs_f64() * 1e3);
-            asked.first.push(out.first().map(|first| first.node));
+            answered.whole.push(start.elapsed().as_secs_f64() * 1e3);
+            answered.first.push(out.first().map(|first| first.node));
         }
         // The first one warmed up what is reused.
-        asked.whole.remove(0);
-        asked.first.remove(0);
-        Ok(asked)
+        answered.whole.remove(0);
+        answered.first.remove(0);
+        Ok(answered)
     }
 }
 
-/// Milliseconds of predicting all places on one thread, for buckets not asked for before.
+/// Milliseconds of predicting all places on one thread, for buckets that were not predicted before.
 fn predict(localizer: &Localizer, time: Time) -> Result<Vec<f64>> {
     let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     let ms = (1..=4).map(|hour| {
@@ -231,12 +233,12 @@ fn predict(localizer: &Localizer, time: Time) -> Result<Vec<f64>> {
     Ok(ms.collect())
 }
 
-fn extract(material: &Material) -> Result<Vec<f64>> {
+fn extract(workload: &Workload) -> Result<Vec<f64>> {
     let extractor = StarBrief::default();
     let mut features = Features::new();
     let mut outcome = Ok(());
-    let mut images = material.images.iter().cycle();
-    let ms = repeat(material.images.len(), || {
+    let mut images = workload.images.iter().cycle();
+    let ms = repeat(workload.images.len(), || {
         if let Some(image) = images.next() {
             outcome = extractor.extract_into(image, None, &mut features);
         }
@@ -248,7 +250,7 @@ fn extract(material: &Material) -> Result<Vec<f64>> {
 /// Milliseconds of matching what was predicted with the first queries, and how many pairs that are.
 fn match_alone(
     localizer: &Localizer,
-    material: &Material,
+    workload: &Workload,
     time: Time,
     num_queries: usize,
 ) -> Result<(Vec<f64>, usize)> {
@@ -266,8 +268,8 @@ fn match_alone(
     let mut scratch = MatchScratch::default();
     let mut num_pairs = 0;
     let mut ms = Vec::new();
-    let queries = material.queries.iter().cycle();
-    for live in (material.queries.first().into_iter()).chain(queries.take(num_queries)) {
+    let queries = workload.queries.iter().cycle();
+    for live in (workload.queries.first().into_iter()).chain(queries.take(num_queries)) {
         num_pairs = map.len() * live.len();
         let start = Instant::now();
         let mut num_matches = 0;
@@ -289,19 +291,20 @@ fn match_alone(
 }
 
 /// A year of monthly visits to `num_nodes` places, before the first query.
-fn snapshot(material: &Material, num_nodes: usize) -> Result<Snapshot> {
+fn snapshot(workload: &Workload, num_nodes: usize) -> Result<Snapshot> {
     let extractor = ExtractorConfig::default().id();
     let mut snapshot = Snapshot::empty(MapMeta::new(1, extractor, Preset::Default.name()));
-    let first = material.times.iter().min().copied().unwrap_or_default();
+    let first = workload.times.iter().min().copied().unwrap_or_default();
     let mut random = SplitMix(99);
     for place in 0..num_nodes {
-        let learnt = &material.learnt[place % material.learnt.len()];
+        let learnt = &workload.learnt[place % workload.learnt.len()];
         let mut node = Node::new(PlaceKey::new(&format!("place-{place:05}"))?);
         for (keypoint, descriptor) in learnt.keypoints().iter().zip(learnt.descriptors()) {
-            let descriptor = material.seen_anew(descriptor, &mut random);
+            let descriptor = workload.seen_anew(descriptor, &mut random);
             node.features.push(*keypoint, descriptor);
         }
-        // A feature is seen in half of the year that begins with a month of its own, most of the time.
+        // A feature is seen in half of the year that begins with a month of its own, most of the
+        // time.
         let seasons: Vec<usize> = (0..learnt.len())
             .map(|_| random.below(NUM_VISITS))
             .collect();
@@ -331,7 +334,7 @@ fn snapshot(material: &Material, num_nodes: usize) -> Result<Snapshot> {
     Ok(snapshot)
 }
 
-/// Memory of this process, where the system tells.
+/// Memory of this process, where the system reports it.
 fn resident_bytes() -> Option<usize> {
     let statm = std::fs::read_to_string("/proc/self/statm").ok()?;
     let pages: usize = statm.split(' ').nth(1)?.parse().ok()?;

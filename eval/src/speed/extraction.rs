@@ -4,14 +4,16 @@ use anyhow::{Result, ensure};
 use chronotope::feature::{Extractor, Features, StarBrief, StarBriefConfig};
 use chronotope::simd::Kernel;
 
-use super::{Material, Measurement, Python, time};
+use super::measurement::{Measurement, time};
+use super::rivals::Python;
+use super::workload::Workload;
 
 /// What the section is called; the targets look for it.
 pub(super) const SECTION: &str = "extraction, 500 features";
 
 /// Each kernel, and OpenCV where there is a Python with it, on the same grey bytes.
-pub(super) fn measure(material: &Material, python: Option<&Python>) -> Result<Vec<Measurement>> {
-    let Some(first) = material.images.first() else {
+pub(super) fn measure(workload: &Workload, python: Option<&Python>) -> Result<Vec<Measurement>> {
+    let Some(first) = workload.images.first() else {
         return Ok(Vec::new());
     };
     let case = format!("{} x {} px", first.width(), first.height());
@@ -23,7 +25,7 @@ pub(super) fn measure(material: &Material, python: Option<&Python>) -> Result<Ve
         let mut all = Vec::new();
         let mut ms = Vec::new();
         let mut best = 0.0;
-        for image in &material.images {
+        for image in &workload.images {
             all.push(extractor.extract(image, None)?);
             let mut outcome = Ok(());
             let of_image = time(5, || {
@@ -35,11 +37,11 @@ pub(super) fn measure(material: &Material, python: Option<&Python>) -> Result<Ve
         }
         let expected = found.get_or_insert_with(|| all.clone());
         ensure!(*expected == all, "kernel {kernel} finds other features");
-        let best = best / material.images.len() as f64;
+        let best = best / workload.images.len() as f64;
         rows.push(Measurement::new(SECTION, &case, kernel.name(), &ms).best(best));
     }
     if let (Some(python), Some(found)) = (python, &found) {
-        let theirs = python.extract(&material.images)?;
+        let theirs = python.extract(&workload.images)?;
         for (image, (theirs, ours)) in theirs.checksums.iter().zip(found).enumerate() {
             ensure!(
                 *theirs == checksum(ours),

@@ -1,24 +1,26 @@
 //! How fast is each part, next to what would be used instead, in one run on one machine?
 //!
 //! One table of [`Measurement`]s: exact and approximate search against other matchers on the same
-//! descriptors, extraction against OpenCV on the same grey bytes, and the whole answer for growing maps.
-//! Times are those of one thread. Ratios are `reference / subject` within one case, so above 1 is faster
-//! than the reference; they hold for this machine and this run. They compare the fastest repetition of
-//! each, because that is what other programs on the machine disturb least.
+//! descriptors, extraction against OpenCV on the same grey bytes, and the whole answer for growing
+//! maps. Times are those of one thread. Ratios are `reference / subject` within one case, so above
+//! 1 is faster than the reference; they hold for this machine and this run. They compare the
+//! fastest repetition of each, because that is what other programs on the machine disturb least.
 //!
-//! Temporal models are compared with the papers' sums written plainly, in processor time of one thread.
+//! Temporal models are compared with the papers' sums written plainly, in processor time of one
+//! thread.
 //!
 //! A section is a module that returns rows; [`run`] puts them one after the other.
 //!
-//! Whoever claims to be exact has its answer compared with ours before it is timed; where two answers
-//! differ the command fails. Approximate rivals show the share of queries whose nearest they found.
+//! Whoever claims to be exact has its answer compared with ours before it is timed; where two
+//! answers differ the command fails. Approximate rivals show the share of queries whose nearest
+//! they found.
 //!
-//! Not for: times on another machine, or of images that this one cannot decode fast; decoding is not
-//! part of extraction here.
+//! Not for: times on another machine, or of images that this one cannot decode fast; decoding is
+//! not part of extraction here.
 
 mod end_to_end;
 mod extraction;
-mod material;
+mod measurement;
 mod opening;
 mod plot;
 mod record;
@@ -28,164 +30,20 @@ mod table;
 mod targets;
 #[path = "../../../crates/fremen/benches/temporal/mod.rs"]
 mod temporal;
+mod workload;
 
-use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::path::Path;
 
 use anyhow::{Context, Result};
-use serde::{Deserialize, Serialize};
 
-use crate::metrics::quantile;
+use crate::provenance::{commit, machine};
 use crate::results::write_atomically;
-use crate::run::{commit, machine};
 
-pub use material::Material;
+pub use measurement::{Measurement, SpeedOptions, SpeedReport, Target, read};
 pub use rivals::Python;
-pub use targets::Target;
+pub use workload::Workload;
 
-/// What is measured and where results go.
-#[derive(Clone, Debug)]
-pub struct SpeedOptions {
-    /// A folder of images or a manifest; the rendered street where there is none.
-    pub data: Option<PathBuf>,
-    /// Sizes of the maps that are localised in, places.
-    pub nodes: Vec<usize>,
-    /// Sizes of the sets that are searched, rows.
-    pub rows: Vec<usize>,
-    /// The largest set that `hnsw_rs` builds its graph of; building takes minutes per 100,000 rows.
-    pub max_hnsw_rows: usize,
-    /// A Python with OpenCV and FAISS, as `scripts/speed.sh` makes one.
-    pub python: Option<PathBuf>,
-    /// Nothing but temporal models, which takes a minute.
-    pub only_temporal: bool,
-    /// Where `speed.json`, `speed.txt` and `growth.svg` are written.
-    pub out: PathBuf,
-    /// Where the run is kept with the sources: `speed.json`, `speed.md` and `growth.svg`.
-    pub record: Option<PathBuf>,
-    /// The command as typed.
-    pub command: String,
-}
-
-/// One thing that was timed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Measurement {
-    /// The part of the table.
-    pub section: String,
-    /// What was to be done.
-    pub case: String,
-    /// Who did it.
-    pub subject: String,
-    /// The fastest repetition, ms; over several inputs the mean of the fastest of each.
-    pub ms_best: f64,
-    /// Median duration, ms.
-    pub ms_p50: f64,
-    /// The 99th percentile, ms, where there were enough repetitions.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub ms_p99: Option<f64>,
-    /// Descriptor comparisons that an exact search makes for the case.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub pairs: Option<u64>,
-    /// Whether the other ratios of its case are taken against this one.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub is_reference: bool,
-    /// Bytes a feature of what the row is about, for memory and files.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub bytes_per_feature: Option<f64>,
-    /// Share of queries whose nearest was found, for approximate searches.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub recall: Option<f64>,
-    /// Anything else, for people.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub note: String,
-}
-
-impl Measurement {
-    fn new(section: &str, case: &str, subject: impl Into<String>, ms: &[f64]) -> Self {
-        Self {
-            section: section.to_owned(),
-            case: case.to_owned(),
-            subject: subject.into(),
-            ms_best: ms.iter().copied().fold(f64::INFINITY, f64::min),
-            ms_p50: quantile(ms, 0.5).unwrap_or(f64::NAN),
-            ms_p99: (ms.len() >= 50).then(|| quantile(ms, 0.99)).flatten(),
-            pairs: None,
-            bytes_per_feature: None,
-            is_reference: false,
-            recall: None,
-            note: String::new(),
-        }
-    }
-
-    fn pairs(mut self, pairs: usize) -> Self {
-        self.pairs = Some(pairs as u64);
-        self
-    }
-
-    fn bytes_per_feature(mut self, bytes: f64) -> Self {
-        self.bytes_per_feature = Some(bytes);
-        self
-    }
-
-    /// Of several inputs: the mean of the fastest repetition of each.
-    fn best(mut self, ms: f64) -> Self {
-        self.ms_best = ms;
-        self
-    }
-
-    fn reference(mut self) -> Self {
-        self.is_reference = true;
-        self
-    }
-
-    fn recall(mut self, recall: f64) -> Self {
-        self.recall = Some(recall);
-        self
-    }
-
-    fn note(mut self, note: impl Into<String>) -> Self {
-        self.note = note.into();
-        self
-    }
-}
-
-/// Everything that one run measured.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SpeedReport {
-    /// 1.
-    pub schema_version: u32,
-    /// Revision of the sources.
-    pub commit: String,
-    /// Processor, kernel, threads.
-    pub machine: String,
-    /// System, caches, memory and load, where the system tells.
-    #[serde(default)]
-    pub host: Vec<String>,
-    /// The command as typed.
-    pub command: String,
-    /// Where the descriptors come from.
-    pub material: String,
-    /// What could not be measured and why.
-    pub missing: Vec<String>,
-    /// The rows of the table, in order.
-    pub measurements: Vec<Measurement>,
-    /// What was promised, judged by them.
-    #[serde(default)]
-    pub targets: Vec<Target>,
-}
-
-impl SpeedReport {
-    /// How many times faster `row` is than the reference of its case.
-    pub fn ratio(&self, row: &Measurement) -> Option<f64> {
-        self.measurements
-            .iter()
-            .find(|other| {
-                other.is_reference && (&other.section, &other.case) == (&row.section, &row.case)
-            })
-            .map(|reference| reference.ms_best / row.ms_best)
-    }
-}
-
-/// Measures what is asked for, prints nothing, writes the files.
+/// Measures what the options name, prints nothing, writes the files.
 pub fn run(options: &SpeedOptions) -> Result<SpeedReport> {
     let mut report = SpeedReport {
         schema_version: 1,
@@ -198,7 +56,7 @@ pub fn run(options: &SpeedOptions) -> Result<SpeedReport> {
         measurements: Vec::new(),
         targets: Vec::new(),
     };
-    eprintln!("learning and asking temporal models");
+    eprintln!("learning and querying temporal models");
     report.measurements.extend(temporal_models()?);
     if !options.only_temporal {
         of_images(options, &mut report)?;
@@ -222,29 +80,29 @@ pub fn run(options: &SpeedOptions) -> Result<SpeedReport> {
 
 /// Extraction, search and whole answers.
 fn of_images(options: &SpeedOptions, report: &mut SpeedReport) -> Result<()> {
-    let material = Material::new(options.data.as_deref())?;
-    report.material = material.describe();
+    let workload = Workload::new(options.data.as_deref())?;
+    report.material = workload.describe();
     let python = options.python.as_deref().map(Python::new).transpose()?;
     if python.is_none() {
         report.missing.push(
             "OpenCV's extraction and FAISS: no Python with both; `make speed` installs one".into(),
         );
     }
-    let rows = extraction::measure(&material, python.as_ref())?;
+    let rows = extraction::measure(&workload, python.as_ref())?;
     report.measurements.extend(rows);
     for &num_rows in &options.rows {
         eprintln!("searching {num_rows} rows");
-        search::measure(&material, num_rows, options, python.as_ref(), report)?;
+        search::measure(&workload, num_rows, options, python.as_ref(), report)?;
     }
     for &num_nodes in &options.nodes {
         eprintln!("localising in {num_nodes} places");
-        let rows = end_to_end::measure(&material, num_nodes)?;
+        let rows = end_to_end::measure(&workload, num_nodes)?;
         report.measurements.extend(rows);
     }
     Ok(())
 }
 
-/// Learning and prediction against their plain twins.
+/// Learning and prediction against their plain duplicates.
 fn temporal_models() -> Result<Vec<Measurement>> {
     const SECTION: &str = "Temporal models, one thread";
     let comparisons = temporal::temporal(&temporal::Sizes::default())?;
@@ -266,31 +124,9 @@ pub fn render(report: &SpeedReport) -> String {
     table::render(report)
 }
 
-/// Reads a report again.
-pub fn read(path: &Path) -> Result<SpeedReport> {
-    let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
-    serde_json::from_slice(&bytes).with_context(|| format!("{} is no speed report", path.display()))
-}
-
-/// Milliseconds of at least `min_times` calls, and of more until half a second is over.
-fn time(min_times: usize, mut call: impl FnMut()) -> Vec<f64> {
-    const ENOUGH_MS: f64 = 500.0;
-    const MAX_TIMES: usize = 200;
-    call();
-    let mut ms = Vec::new();
-    let start = Instant::now();
-    while ms.len() < min_times
-        || (ms.len() < MAX_TIMES && start.elapsed().as_secs_f64() * 1e3 < ENOUGH_MS)
-    {
-        let start = Instant::now();
-        call();
-        ms.push(start.elapsed().as_secs_f64() * 1e3);
-    }
-    ms
-}
-
 #[cfg(test)]
 mod tests {
+    use super::measurement::time;
     use super::*;
 
     fn report() -> SpeedReport {
@@ -360,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn timing_calls_at_least_as_often_as_asked() {
+    fn timing_calls_at_least_as_often_as_wanted() {
         let mut calls = 0;
         let ms = time(3, || calls += 1);
         assert!(ms.len() >= 3 && calls == ms.len() + 1);

@@ -1,10 +1,11 @@
 //! How long does a robot wait for its map, and how much memory does the map take?
 //!
-//! The map of the section before is written to a file in a folder of its own and opened in three ways, all
-//! of them warm, so that the disk has no part in it: read as a whole, fitted and calibrated; by way of a query
-//! form that has to be made first; and by way of the one that is there then. What was opened in different
-//! ways has to give the same answer. Last, how long it takes to go on with a newer map in which one place has
-//! changed, predictions of all places with it.
+//! The map of the section before is written to a file in a folder of its own and opened in three
+//! ways, all of them warm, so that the disk has no part in it: read as a whole, fitted and
+//! calibrated; by way of a query form that has to be made first; and by way of the one that is
+//! there then. What was opened in different ways has to give the same answer. Last, how long it
+//! takes to go on with a newer map in which one place has changed, predictions of all places with
+//! it.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -15,7 +16,8 @@ use chronotope::Time;
 use chronotope::localize::{Localizer, LocalizerConfig, Query};
 use chronotope::map::{Map, Snapshot};
 
-use super::{Material, Measurement};
+use super::measurement::Measurement;
+use super::workload::Workload;
 
 /// What the section is called.
 pub(super) const SECTION: &str = "opening a map of 500 features a place";
@@ -27,7 +29,7 @@ const NUM_TIMES: usize = 5;
 
 /// Opens `snapshot` from a file.
 pub(super) fn measure(
-    material: &Material,
+    workload: &Workload,
     snapshot: &Arc<Snapshot>,
     cfg: &LocalizerConfig,
     time: Time,
@@ -46,7 +48,7 @@ pub(super) fn measure(
             cfg.clone(),
         )?)
     })?;
-    let newer = going_on(&whole, material, time)?;
+    let newer = going_on(&whole, workload, time)?;
     let (_, making_ms) = timed(|| Ok(Localizer::open(&path, cfg.clone())?))?;
     let mut opening = Vec::new();
     let mut opened = None;
@@ -64,7 +66,7 @@ pub(super) fn measure(
     }
     ensure!(query_bytes > 0, "no query form was kept");
     let mut first = Vec::new();
-    if let (Some(opened), Some(features)) = (&opened, material.queries.first()) {
+    if let (Some(opened), Some(features)) = (&opened, workload.queries.first()) {
         let query = Query::new(features).at(time);
         let (answer, ms) = timed(|| Ok(opened.localize(&mut opened.scratch(), &query)?))?;
         first.push(ms);
@@ -87,8 +89,9 @@ pub(super) fn measure(
     ])
 }
 
-/// Milliseconds that a localizer takes to go on with a newer map, in which one place forgot a visit.
-fn going_on(older: &Localizer, material: &Material, time: Time) -> Result<Vec<f64>> {
+/// Milliseconds that a localizer takes to go on with a newer map, in which one place forgot a
+/// visit.
+fn going_on(older: &Localizer, workload: &Workload, time: Time) -> Result<Vec<f64>> {
     let mut newer = Snapshot::clone(older.snapshot());
     let place = newer.nodes.len() / 2;
     let node = &newer.nodes[place];
@@ -97,7 +100,7 @@ fn going_on(older: &Localizer, material: &Material, time: Time) -> Result<Vec<f6
     let (shorter, _) = node.retained(&visits, &vec![true; node.features.len()])?;
     newer.nodes[place] = Arc::new(shorter);
     let newer = Arc::new(newer);
-    let query = material
+    let query = workload
         .queries
         .first()
         .map(|features| Query::new(features).at(time));

@@ -1,13 +1,13 @@
 //! How does the time of an answer grow with the map?
 //!
-//! A plain SVG with its own colours for light and dark: two panels over the same places, the stages of one
-//! answer above, whole answers below; all axes logarithmic, one line a row of the table. Names stand at the
-//! ends of their lines, moved apart where lines end together.
+//! A plain SVG with its own colours for light and dark: two panels over the same places, the stages
+//! of one answer above, whole answers below; all axes logarithmic, one line a row of the table.
+//! Names stand at the ends of their lines, moved apart where lines end together.
 
 use std::fmt::Write as _;
 
-use super::SpeedReport;
 use super::end_to_end::SECTION;
+use super::measurement::SpeedReport;
 
 const WIDTH: f64 = 760.0;
 const LEFT: f64 = 76.0;
@@ -24,7 +24,8 @@ const LINE: f64 = 17.0;
 const LETTER: f64 = 7.0;
 /// Approximate searches that find fewer first places say so beside their name.
 const GOOD_RECALL: f64 = 0.99;
-/// Of a colour-blind safe palette; no panel has more lines than it has colours and markers together.
+/// Of a colour-blind safe palette; no panel has more lines than it has colours and markers
+/// together.
 const COLOURS: [&str; 6] = [
     "#0072b2", "#d55e00", "#009e73", "#b0578d", "#8a6d00", "#4da3d8",
 ];
@@ -35,7 +36,7 @@ struct Line {
     points: Vec<(f64, f64)>,
 }
 
-/// Both panels.
+/// Both panels of the plot.
 pub(super) fn growth(report: &SpeedReport) -> String {
     let (whole, stages): (Vec<_>, Vec<_>) = lines_of(report).into_iter().partition(is_whole);
     let panels = [
@@ -149,8 +150,8 @@ fn marker(svg: &mut String, index: usize, colour: &str, (x, y): (f64, f64)) {
     );
 }
 
-/// Where names stand: as near to `wanted` as they can in the same order, at least `distance` apart and
-/// within `range` as long as there is room.
+/// Where names stand: as near to `wanted` as they can in the same order, at least `distance` apart
+/// and within `range` as long as there is room.
 fn spread(wanted: &[f64], distance: f64, range: (f64, f64)) -> Vec<f64> {
     let mut order: Vec<usize> = (0..wanted.len()).collect();
     order.sort_by(|&a, &b| wanted[a].total_cmp(&wanted[b]).then(a.cmp(&b)));
@@ -207,8 +208,8 @@ fn is_whole(line: &Line) -> bool {
     line.name.starts_with("whole") || line.name.contains("batch")
 }
 
-/// One line for each stage, in the order of the table. A stage that is a difference of two times and came
-/// out as nothing has no place on a logarithmic axis.
+/// One line for each stage, in the order of the table. A stage that is a difference of two times
+/// and came out as nothing has no place on a logarithmic axis.
 fn lines_of(report: &SpeedReport) -> Vec<Line> {
     let mut lines: Vec<Line> = Vec::new();
     let mut recalls: Vec<Option<f64>> = Vec::new();

@@ -1,13 +1,14 @@
 //! What does a run look like that is kept with the sources?
 //!
-//! Markdown, for people, next to the JSON of the same run: the machine, which targets were met, and the
-//! whole table as the terminal shows it.
+//! Markdown, for people, next to the JSON of the same run: the machine, which targets were met, and
+//! the whole table as the terminal shows it.
 
 use std::fmt::Write as _;
 
-use super::{SpeedReport, Target, table};
+use super::measurement::SpeedReport;
+use super::table;
 
-/// The page.
+/// The page that is kept with the sources.
 pub(super) fn markdown(report: &SpeedReport) -> String {
     let mut text = String::from(
         "# A run of `make speed`\n\n\
@@ -29,9 +30,9 @@ pub(super) fn markdown(report: &SpeedReport) -> String {
             text,
             "| {} | {} | {} | {} |",
             target.name,
-            wanted(target),
-            found(target),
-            verdict(target)
+            target.wanted_text(),
+            target.found_text(),
+            target.verdict()
         );
     }
     let _ = write!(
@@ -42,34 +43,8 @@ pub(super) fn markdown(report: &SpeedReport) -> String {
     text
 }
 
-/// `>= 20` or `<= 1.1`.
-pub(super) fn wanted(target: &Target) -> String {
-    format!(
-        "{} {}",
-        if target.at_least { ">=" } else { "<=" },
-        target.wanted
-    )
-}
-
-/// Three figures or more.
-pub(super) fn found(target: &Target) -> String {
-    match target.found {
-        None => "-".into(),
-        Some(value) if value < 10.0 => format!("{value:.2}"),
-        Some(value) => format!("{value:.1}"),
-    }
-}
-
-/// In a word.
-pub(super) fn verdict(target: &Target) -> &'static str {
-    match target.is_met() {
-        Some(true) => "met",
-        Some(false) => "missed",
-        None => "not measured",
-    }
-}
-
-/// What runs beneath: system, caches, memory, and how busy the machine is, where the system tells.
+/// What runs beneath: system, caches, memory, and how busy the machine is, where the system reports
+/// it.
 pub(super) fn host() -> Vec<String> {
     let read = |path: &str| std::fs::read_to_string(path).ok();
     let first_words = |text: &str, count: usize| {
@@ -113,25 +88,4 @@ pub(super) fn host() -> Vec<String> {
         ));
     }
     lines
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_and_verdicts_are_written_as_people_read_them() {
-        let target = |found, at_least| Target {
-            name: "x".into(),
-            wanted: 1.1,
-            found,
-            at_least,
-        };
-        assert_eq!(wanted(&target(None, true)), ">= 1.1");
-        assert_eq!(found(&target(Some(21.44), true)), "21.4");
-        assert_eq!(found(&target(Some(1.014), false)), "1.01");
-        assert_eq!(verdict(&target(Some(1.2), true)), "met");
-        assert_eq!(verdict(&target(Some(1.2), false)), "missed");
-        assert_eq!(verdict(&target(None, false)), "not measured");
-    }
 }

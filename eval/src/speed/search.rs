@@ -8,8 +8,9 @@ use chronotope::matching::{InvertedFile, NearestNeighbours, SearchScratch};
 use chronotope::simd::{Kernel, NearestTwo, PackedDescriptors};
 use hnsw_rs::prelude::{Distance, Hnsw};
 
-use super::rivals::Indexes;
-use super::{Material, Measurement, Python, SpeedOptions, SpeedReport, time};
+use super::measurement::{Measurement, SpeedOptions, SpeedReport, time};
+use super::rivals::{Indexes, Python};
+use super::workload::Workload;
 
 /// What the section is called.
 pub(super) const SECTION: &str = "two nearest of 256 bits";
@@ -26,14 +27,14 @@ const MIN_APPROXIMATE: usize = 10_000;
 
 /// Every kernel and rival on `num_rows` rows.
 pub(super) fn measure(
-    material: &Material,
+    workload: &Workload,
     num_rows: usize,
     options: &SpeedOptions,
     python: Option<&Python>,
     report: &mut SpeedReport,
 ) -> Result<()> {
-    let queries = material.query_descriptors(NUM_QUERIES);
-    let rows = material.grown(num_rows, 7);
+    let queries = workload.query_descriptors(NUM_QUERIES);
+    let rows = workload.grown(num_rows, 7);
     let packed = PackedDescriptors::pack(&rows);
     let case = format!("{NUM_QUERIES} x {num_rows}");
     let row = |subject: &str, ms: &[f64]| {

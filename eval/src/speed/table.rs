@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
+use super::measurement::{Measurement, SpeedReport};
 use super::targets::{ENOUGH, break_even};
-use super::{Measurement, SpeedReport, record};
 
 /// One block for each section, one line for each measurement.
 pub(super) fn render(report: &SpeedReport) -> String {
@@ -63,9 +63,9 @@ pub(super) fn render(report: &SpeedReport) -> String {
             text,
             "  {:<82}{:>8}{:>9}  {}",
             target.name,
-            record::wanted(target),
-            record::found(target),
-            record::verdict(target)
+            target.wanted_text(),
+            target.found_text(),
+            target.verdict()
         );
     }
     text

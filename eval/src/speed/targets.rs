@@ -1,58 +1,15 @@
 //! Which of the speeds that this project promises does the run bear out?
 //!
-//! A target is a ratio of two rows of one run, or a number that a robot's user would ask for. A target whose
-//! rows are not there (no AVX-512, no FAISS, a smaller map) is not judged.
+//! A target is a ratio of two rows of one run, or a number that matters to a robot's user. A target
+//! whose rows are not there (no AVX-512, no FAISS, a smaller map) is not judged.
 
-use serde::{Deserialize, Serialize};
-
-use super::{Measurement, SpeedReport, end_to_end, extraction, opening, search};
+use super::measurement::{Measurement, SpeedReport, Target};
+use super::{end_to_end, extraction, opening, search};
 
 /// What an approximate search must find of the nearest to be compared.
 pub(super) const ENOUGH: f64 = 0.99;
 
-/// One number that was promised, and what became of it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Target {
-    /// What it is about.
-    pub name: String,
-    /// What was promised: at least this for ratios, at most this for all else.
-    pub wanted: f64,
-    /// What was measured; `None` where the run has not got its rows.
-    pub found: Option<f64>,
-    /// Whether more is better.
-    pub at_least: bool,
-}
-
-impl Target {
-    fn at_least(name: impl Into<String>, wanted: f64, found: Option<f64>) -> Self {
-        Self {
-            name: name.into(),
-            wanted,
-            found,
-            at_least: true,
-        }
-    }
-
-    fn at_most(name: impl Into<String>, wanted: f64, found: Option<f64>) -> Self {
-        Self {
-            at_least: false,
-            ..Self::at_least(name, wanted, found)
-        }
-    }
-
-    /// Whether it was met; `None` where it was not measured.
-    pub fn is_met(&self) -> Option<bool> {
-        self.found.map(|found| {
-            if self.at_least {
-                found >= self.wanted
-            } else {
-                found <= self.wanted
-            }
-        })
-    }
-}
-
-/// The rows of a report, to be asked for.
+/// The rows of a report, by section, case and subject.
 struct Rows<'a>(&'a [Measurement]);
 
 impl<'a> Rows<'a> {
@@ -193,8 +150,8 @@ fn of_answers(rows: &Rows<'_>) -> Vec<Target> {
     ]
 }
 
-/// From how many places on a short list is faster than matching all of them, by the straight line between
-/// the sizes on both sides, on logarithmic axes; `None` if it never is, or always.
+/// From how many places on a short list is faster than matching all of them, by the straight line
+/// between the sizes on both sides, on logarithmic axes; `None` if it never is, or always.
 pub(super) fn break_even(report: &SpeedReport) -> Option<f64> {
     let ms = |case: &str, subject: &str| {
         (report.measurements.iter())

@@ -22,7 +22,8 @@ fn chromium() -> Option<PathBuf> {
         .find(|program| program.is_file())
 }
 
-/// What a reader would do and see, done and measured in the page; the findings go into `data-findings`.
+/// What a reader would do and see, done and measured in the page; the findings go into
+/// `data-findings`.
 const AUDIT: &str = include_str!("audit.js");
 
 /// The page's document after its scripts have run, and what the browser said.
@@ -105,7 +106,8 @@ fn the_report_works_in_a_browser() {
         assert!(
             document.contains("aria-pressed=\"false\"") && document.contains("off\" data-series")
         );
-        // Six plots (two axes, three groups), one live image, four curves of which three have a spectrum.
+        // Six plots (two axes, three groups), one live image, four curves of which three have a
+        // spectrum.
         for (what, num) in [
             ("role=\"img\" aria-label=\"Wrong answers", 6),
             ("class=\"scene\"", 1),

@@ -131,13 +131,13 @@ pub(crate) fn sample_pictures() -> Pictures {
         image: Some(scene(place, light)),
         caption: format!("{}, {month}", PLACES[place]),
     };
-    let mistake = |n: u32, asked: usize, answered: usize| Mistake {
+    let mistake = |n: u32, queried: usize, answered: usize| Mistake {
         title: format!(
             "{}/{n:02}.jpg taken for {}, p = 0.8{n}",
-            PLACES[asked], PLACES[answered]
+            PLACES[queried], PLACES[answered]
         ),
-        query: shown(asked, 0.25, "December"),
-        truth: shown(asked, 0.9, "June"),
+        query: shown(queried, 0.25, "December"),
+        truth: shown(queried, 0.9, "June"),
         answered: shown(answered, 0.4, "November"),
     };
     let mut without_image = mistake(7, 2, 0);

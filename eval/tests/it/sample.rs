@@ -7,11 +7,12 @@
 
 use std::collections::BTreeMap;
 
-use chronotope_eval::judgement::judge_all;
-use chronotope_eval::metrics::{Sample, Tally};
+use chronotope_eval::judge::judge_all;
+use chronotope_eval::judge::rates::Tally;
+use chronotope_eval::judge::statistics::Sample;
 use chronotope_eval::results::{
-    Answer, Decision, ELSEWHERE, LeakCheck, Query, Reobservation, RowKey, StageLatency,
-    SuiteResults,
+    Answer, Decision, LeakCheck, OFF_MAP, Query, Reobservation, RowKey, StageLatency, SuiteResults,
+    Variant,
 };
 
 /// Numbers of features per place of every suite.
@@ -92,7 +93,7 @@ impl Made {
         let mut posterior = BTreeMap::new();
         if self.variant.contains("likelihood") {
             posterior.insert(first.to_owned(), sure);
-            posterior.insert(ELSEWHERE.to_owned(), 1.0 - sure);
+            posterior.insert(OFF_MAP.to_owned(), 1.0 - sure);
         }
         Answer {
             first: Some(first.to_owned()),
@@ -119,7 +120,7 @@ pub(crate) fn sample_results() -> SuiteResults {
     results.machine = "2-core x86-64 with AVX2, 1 thread".into();
     results.command = "chronotope-eval run sample --data DIR --out target/sample".into();
     results.clock = "UTC, one visit a month".into();
-    results.split = "each visit is asked once, the other eleven are learnt".into();
+    results.split = "each visit is queried once, the other eleven are learnt".into();
     results.num_places = Some(PLACES.len() as u32);
     results.num_learnt_images = Some(66);
     results.num_broken_images = Some(1);
@@ -169,10 +170,10 @@ pub(crate) fn sample_results() -> SuiteResults {
         let sample = Sample::new((0..NUM_QUERIES).map(|i| made.reobserved / 100.0 + spread(i)));
         let rate = sample.rate().scaled(100.0);
         results.reobservation.push(Reobservation {
-            preset: variant.preset,
-            method: variant.method,
-            model: variant.model,
-            order: variant.order,
+            variant: Variant {
+                score: String::new(),
+                ..variant
+            },
             top: 10,
             percent: rate.mean,
             ci_low: rate.interval.low,

@@ -10,7 +10,8 @@ use chronotope_eval::series::sampling::Sampling;
 use chronotope_eval::series::{self, SeriesResults};
 use chronotope_eval::suite::Suite;
 
-/// Edges that can be traversed by day only, with every ninth traversal the other way round; one has too few.
+/// Edges that can be traversed by day only, with every ninth traversal the other way round; one has
+/// too few.
 fn run() -> anyhow::Result<SeriesResults> {
     let dir = tempfile::tempdir()?;
     let edges = dir.path().join("series/edges");
@@ -28,8 +29,8 @@ fn run() -> anyhow::Result<SeriesResults> {
         data: Some(dir.path().to_path_buf()),
         out: dir.path().join("out"),
         cache: dir.path().join("cache"),
-        share: None,
         command: "chronotope-eval run edges <and its escaping>".into(),
+        ..RunOptions::default()
     };
     let results = series::run(&Suite::find("edges")?, &options)?;
     results.context("`edges` is a suite of series")
@@ -115,8 +116,7 @@ fn a_folder_without_the_series_is_named() {
         data: Some(dir.path().to_path_buf()),
         out: dir.path().to_path_buf(),
         cache: dir.path().to_path_buf(),
-        share: None,
-        command: String::new(),
+        ..RunOptions::default()
     };
     let error = series::run(&Suite::find("door").unwrap(), &options).unwrap_err();
     assert!(

@@ -1,0 +1,96 @@
+//! What did a row answer to a query, and how wrong is that?
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+/// What a decision rule said about one image.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Decision {
+    /// Located at the place with this key. In JSON `{"at": "place"}`.
+    At(String),
+    /// One of several places of the map. In JSON `"ambiguous"`.
+    Ambiguous,
+    /// No place of the map, or nothing to decide by. In JSON `"unknown"`.
+    Unknown,
+}
+
+/// The answer of one row to one query.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Answer {
+    /// The forced first choice; none where no place scored at all.
+    pub first: Option<String>,
+    /// What the row's decision rule said; rows without one say `At(first)`.
+    pub decision: Decision,
+    /// Probability of the most probable places; empty where the score is no probability.
+    /// The hypothesis "off-map" has the key [`OFF_MAP`].
+    #[serde(default)]
+    pub posterior: BTreeMap<String, f64>,
+    /// All places that share the first rank, `first` among them; empty without a tie.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ties: Vec<String>,
+}
+
+/// Key of the hypothesis "at no place of the map" in [`Answer::posterior`].
+pub const OFF_MAP: &str = "(elsewhere)";
+
+impl Answer {
+    /// How wrong the forced first choice is, 0 to 1, with a tie split.
+    ///
+    /// `truth` is `None` for an image of a place that the map lacks: every forced choice is wrong.
+    pub fn wrong(&self, truth: Option<&str>) -> f64 {
+        let Some(truth) = truth else { return 1.0 };
+        if self.ties.is_empty() {
+            return f64::from(self.first.as_deref() != Some(truth));
+        }
+        if self.ties.iter().any(|place| place == truth) {
+            1.0 - 1.0 / self.ties.len() as f64
+        } else {
+            1.0
+        }
+    }
+
+    /// Whether several places share the first rank.
+    pub fn is_tied(&self) -> bool {
+        self.ties.len() > 1
+    }
+}
+
+/// One image that was to be located.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Query {
+    /// Unique within the suite and the same in every run; usually the image's path in the dataset.
+    pub id: String,
+    /// Key of the true place; none for an image of a place that the map lacks.
+    pub truth: Option<String>,
+    /// Queries of one group (a visit, an hour) are alike; where given, intervals resample groups.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub group: Option<String>,
+    /// One answer per row, keyed by [`RowKey`].
+    pub answers: BTreeMap<String, Answer>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tie_is_split_over_the_tied_places() {
+        let wrong = |first: &str, ties: &[&str], truth: Option<&str>| {
+            let answer = Answer {
+                first: Some(first.into()),
+                decision: Decision::At(first.into()),
+                posterior: BTreeMap::new(),
+                ties: ties.iter().map(ToString::to_string).collect(),
+            };
+            answer.wrong(truth)
+        };
+        assert_eq!(wrong("a", &[], Some("a")), 0.0);
+        assert_eq!(wrong("a", &[], Some("b")), 1.0);
+        assert_eq!(wrong("b", &["a", "b"], Some("a")), 0.5);
+        assert_eq!(wrong("a", &["a", "b", "c", "d"], Some("a")), 0.75);
+        assert_eq!(wrong("b", &["b", "c"], Some("a")), 1.0);
+        assert_eq!(wrong("a", &[], None), 1.0);
+    }
+}

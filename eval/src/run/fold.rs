@@ -1,0 +1,228 @@
+//! What does every method answer to the queries of one fold?
+//!
+//! A map is learnt from the learning side in order of time; then every localizer answers every
+//! query, all n in one pass ([`chronotope::localize::Sweep`]).
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use anyhow::Result;
+use chronotope::Time;
+use chronotope::dataset::Dataset;
+use chronotope::feature::Features;
+use chronotope::learn::{KeepAppearances, LearnConfig, Learner, Observation};
+use chronotope::localize::{Decision, Localizer, Query, Score, Scratch, Sweep};
+use chronotope::map::{MapMeta, NodeId, SessionId, Snapshot, derived_uuid};
+use chronotope::predict::Choice;
+use rayon::prelude::*;
+
+use crate::data::{ExtractedDataset, Fold, visit_numbers};
+use crate::results::{self, Answer};
+use crate::suite::{Arm, Run};
+
+/// Re-observation is judged on so many of the most likely features (T-RO 2017, table I).
+pub(crate) const TOP: usize = 10;
+
+/// Smaller shares of a posterior would be written as 0 and are left out of the results.
+const LEAST_SHARE: f64 = 5e-5;
+
+/// What one run said about one query.
+#[derive(Clone, Debug)]
+pub(crate) struct RunAnswers {
+    /// For each score and n: the answer.
+    pub(crate) answers: Vec<Vec<Answer>>,
+    pub(crate) pairs_compared: Vec<u64>,
+    /// (seen again, selected) of the most likely features, where the method predicts features.
+    pub(crate) reobserved: Option<(u32, u32)>,
+}
+
+/// The strongest features of an image.
+pub(crate) fn live(data: &ExtractedDataset, entry: usize, num_live: usize) -> Features {
+    let mut features = data.extracted[entry].features.clone();
+    features.truncate(num_live);
+    features
+}
+
+/// When each entry was taken, by the arm's clock.
+pub(crate) fn times(dataset: &Dataset, arm: &Arm) -> Result<Vec<Time>> {
+    let dated = dataset.entries.iter().map(|entry| entry.time);
+    Ok(match arm.visit_clock()? {
+        None => dated.collect(),
+        Some(quantum) => (visit_numbers(dataset).into_iter())
+            .map(|number| Time::from_us(quantum.as_us().saturating_mul(number as i64)))
+            .collect(),
+    })
+}
+
+/// Learns the map of one fold.
+pub(crate) fn learn(
+    data: &ExtractedDataset,
+    fold: &Fold,
+    arm: &Arm,
+    times: &[Time],
+) -> Result<Arc<Snapshot>> {
+    let meta = MapMeta::new(
+        derived_uuid(&data.dataset.name),
+        "evaluation",
+        arm.preset.name(),
+    );
+    let cfg = LearnConfig::preset(arm.preset).with_keep_appearances(KeepAppearances::All);
+    let mut learner = Learner::new(cfg, meta);
+    for &index in &fold.learn {
+        let entry = &data.dataset.entries[index];
+        learner.observe(&Observation {
+            place: entry.place.clone(),
+            session: SessionId::derive(&data.dataset.name),
+            time: times[index],
+            features: &data.extracted[index].features,
+            image_size: data.extracted[index].image_size,
+            mask: None,
+            source: entry.id.clone(),
+        })?;
+    }
+    Ok(learner.snapshot()?)
+}
+
+/// Learns the fold's map and answers every query of the fold: its entry with the answers of each
+/// run.
+pub(crate) fn run_fold(
+    data: &ExtractedDataset,
+    fold: &Fold,
+    arm: &Arm,
+    runs: &[Run],
+    sizes: &[usize],
+) -> Result<Vec<(usize, Vec<RunAnswers>)>> {
+    let times = times(&data.dataset, arm)?;
+    let snapshot = learn(data, fold, arm, &times)?;
+    let localizers = localizers(&snapshot, runs)?;
+    let num_live = LearnConfig::preset(arm.preset).features_per_visit();
+    (fold.query.par_iter())
+        .map_init(
+            || (Scratch::default(), Sweep::new(sizes)),
+            |(scratch, sweep), &entry| {
+                let sweep = sweep.as_mut().map_err(|error| anyhow::anyhow!("{error}"))?;
+                sweep.restart();
+                let live = live(data, entry, num_live);
+                let query = Query::new(&live)
+                    .at(times[entry])
+                    .with_image_size(data.extracted[entry].image_size);
+                let truth = snapshot.find(&data.dataset.entries[entry].place);
+                let said = (localizers.iter())
+                    .zip(runs)
+                    .map(|(localizer, run)| {
+                        answer_query(localizer, run, &query, truth, scratch, sweep)
+                    })
+                    .collect::<Result<_>>()?;
+                Ok((entry, said))
+            },
+        )
+        .collect()
+}
+
+/// One localizer for each run.
+pub(crate) fn localizers(snapshot: &Arc<Snapshot>, runs: &[Run]) -> Result<Vec<Localizer>> {
+    (runs.iter())
+        .map(|run| Ok(Localizer::new(Arc::clone(snapshot), run.localizer.clone())?))
+        .collect()
+}
+
+/// Probabilities are written so that `p` and `1 - p` both keep four digits, down to 1e-12: files
+/// stay small, and answers that are nearly sure stay in order.
+fn rounded(p: f64) -> f64 {
+    let rarer = p.min(1.0 - p).max(1e-12);
+    let scale = 10_f64.powi(3 - rarer.log10().floor() as i32);
+    (p * scale).round() / scale
+}
+
+/// What one run answers to one query.
+fn answer_query(
+    localizer: &Localizer,
+    run: &Run,
+    query: &Query<'_>,
+    truth: Option<NodeId>,
+    scratch: &mut Scratch,
+    sweep: &mut Sweep,
+) -> Result<RunAnswers> {
+    localizer.sweep(scratch, query, sweep)?;
+    let answers = (run.scores.iter())
+        .map(|&score| {
+            (0..sweep.sizes().len())
+                .map(|size| answer(localizer, sweep, score, size))
+                .collect()
+        })
+        .collect();
+    let pairs_compared = sweep.pairs_compared().to_vec();
+    let reobserved = match truth {
+        // By the most likely features, as in the papers, so once for each model.
+        Some(node)
+            if localizer.cfg().method().predicts()
+                && localizer.cfg().choice() == Choice::Likeliest =>
+        {
+            let selected = localizer.snapshot().node(node).features.len().min(TOP);
+            localizer
+                .reobserved(scratch, query, node, TOP)?
+                .map(|seen| (seen as u32, selected as u32))
+        }
+        _ => None,
+    };
+    Ok(RunAnswers {
+        answers,
+        pairs_compared,
+        reobserved,
+    })
+}
+
+/// The answer by one score at the sweep's `size`-th n.
+fn answer(localizer: &Localizer, sweep: &Sweep, score: Score, size: usize) -> Answer {
+    let nodes = &localizer.snapshot().nodes;
+    let name = |node: usize| nodes[node].key.as_str().to_owned();
+    let scores: Vec<f64> = (0..nodes.len())
+        .map(|node| sweep.scores(NodeId(node as u32), size).by(score))
+        .collect();
+    let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let weighed = localizer.posterior(score, sweep.sizes()[size], &scores);
+    let posterior = weighed
+        .as_ref()
+        .map_or_else(BTreeMap::new, |(shares, off_map)| {
+            let mut named: BTreeMap<String, f64> = (shares.iter().enumerate())
+                .filter(|(_, share)| **share >= LEAST_SHARE)
+                .map(|(node, share)| (name(node), rounded(*share)))
+                .collect();
+            named.insert(results::OFF_MAP.into(), rounded(*off_map));
+            named
+        });
+    // Without a single match, a count ranks nothing.
+    if best <= 0.0 && score != Score::Likelihood {
+        return Answer {
+            first: None,
+            decision: results::Decision::Unknown,
+            posterior,
+            ties: Vec::new(),
+        };
+    }
+    let first: Vec<usize> = (scores.iter().enumerate())
+        .filter(|&(_, &score)| score == best)
+        .map(|(node, _)| node)
+        .collect();
+    let decision = match (&weighed, score) {
+        (Some((shares, off_map)), Score::Likelihood) => {
+            let node = NodeId(first[0] as u32);
+            match Decision::by_risk(node, shares[first[0]], *off_map, localizer.cfg().risk()) {
+                Decision::At(_) => results::Decision::At(name(first[0])),
+                Decision::Ambiguous => results::Decision::Ambiguous,
+                _ => results::Decision::Unknown,
+            }
+        }
+        _ => results::Decision::At(name(first[0])),
+    };
+    Answer {
+        first: Some(name(first[0])),
+        decision,
+        posterior,
+        ties: if first.len() > 1 {
+            first.iter().map(|&node| name(node)).collect()
+        } else {
+            Vec::new()
+        },
+    }
+}

@@ -1,0 +1,20 @@
+//! Where does a run read, and where does it write?
+
+use std::path::PathBuf;
+
+/// Where a run reads and writes.
+#[derive(Clone, Debug, Default)]
+pub struct RunOptions {
+    /// The folder that holds the dataset, or the folders of several.
+    pub data: Option<PathBuf>,
+    /// Where results go; created if missing.
+    pub out: PathBuf,
+    /// Where extracted features are kept from run to run.
+    pub cache: PathBuf,
+    /// Of a series' suite: the share of samples that thinning keeps, in place of the suite's.
+    pub share: Option<f64>,
+    /// Of a synthetic suite: the number of worlds, in place of the suite's.
+    pub worlds: Option<u64>,
+    /// The command line, for the report.
+    pub command: String,
+}

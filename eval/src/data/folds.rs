@@ -15,9 +15,9 @@ use crate::suite::Protocol;
 /// Entries that are learnt and entries that are queried; indices into a dataset.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Fold {
-    /// What is learnt, in order of time.
+    /// The entries that are learnt, in order of time.
     pub learn: Vec<usize>,
-    /// The queries.
+    /// The entries that are queries.
     pub query: Vec<usize>,
 }
 

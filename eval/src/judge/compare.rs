@@ -232,7 +232,7 @@ mod tests {
     fn nothing_in_common_is_an_error() {
         let a = run("c1", &[true]);
         let mut b = a.clone();
-        b.queries[0].id = "elsewhere".into();
+        b.queries[0].id = "another query".into();
         assert!(compare(&a, &b).is_err());
     }
 }

@@ -57,7 +57,7 @@ pub struct PooledRow {
     pub difference: PairedDifference,
 }
 
-/// All comparisons.
+/// The comparisons with all baselines.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pooled {
     /// Suites and their default rows.

@@ -41,9 +41,9 @@ const Z: f64 = 1.959_963_984_540_054;
 /// A 95 % interval in the unit of the value it belongs to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
-    /// Lower end.
+    /// Lower end of the interval.
     pub low: f64,
-    /// Upper end.
+    /// Upper end of the interval.
     pub high: f64,
 }
 
@@ -66,7 +66,7 @@ impl Interval {
 /// A mean with its interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
-    /// The mean.
+    /// The mean of the values.
     pub mean: f64,
     /// Its 95 % interval.
     pub interval: Interval,

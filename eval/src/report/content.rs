@@ -80,7 +80,7 @@ pub struct ProbabilityCurve {
 /// What was seen of one place, feature by feature and visit by visit, over what is predicted.
 #[derive(Clone, Debug)]
 pub struct Raster {
-    /// The place.
+    /// The place whose features are shown.
     pub place: String,
     /// How many features it has; the rows are some of them.
     pub num_features: usize,
@@ -95,7 +95,7 @@ pub struct Raster {
 /// One feature of a [`Raster`], with as many entries as there are visits.
 #[derive(Clone, Debug)]
 pub struct RasterRow {
-    /// Its number.
+    /// The number of the feature at its place.
     pub feature: usize,
     /// Whether it was seen; `None` where it could not be observed.
     pub seen: Vec<Option<bool>>,
@@ -134,6 +134,6 @@ pub struct Pictures {
     pub curves: Vec<ProbabilityCurve>,
     /// Features and visits of one place.
     pub raster: Option<Raster>,
-    /// Worst first.
+    /// Wrong answers, the worst one first.
     pub mistakes: Vec<Mistake>,
 }

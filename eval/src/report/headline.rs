@@ -18,7 +18,7 @@ pub(super) const BASELINE: &str = "static";
 /// What a run is about.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Headline {
-    /// The method.
+    /// The method that the run is about.
     pub(super) variant: Variant,
     /// The number of features that it is shown at.
     pub(super) n: u32,

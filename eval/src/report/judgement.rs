@@ -225,7 +225,7 @@ fn risks(shown: &[&Judgement], main: &str) -> String {
     let has_out_of_map = shown.iter().any(|it| it.out_of_map.is_some());
     let bad = |at: &crate::results::AtRisk| at.accepted.unwrap_or(at.located_wrong);
     let what = if has_out_of_map {
-        "foreign queries accepted"
+        "out-of-map queries accepted"
     } else {
         "located at the wrong place"
     };
@@ -302,6 +302,6 @@ mod tests {
         }
         results.judgement = judge_all(&results, &[]);
         let html = section_of(&results);
-        assert!(html.contains("foreign queries accepted"), "{html}");
+        assert!(html.contains("out-of-map queries accepted"), "{html}");
     }
 }

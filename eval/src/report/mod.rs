@@ -41,9 +41,9 @@ pub use showcase::pictures;
 /// All that a report shows.
 #[derive(Clone, Copy, Debug)]
 pub struct ReportInput<'a> {
-    /// The run.
+    /// The numbers of the run.
     pub results: &'a SuiteResults,
-    /// Its pictures.
+    /// The pictures that are drawn of it.
     pub pictures: &'a Pictures,
 }
 

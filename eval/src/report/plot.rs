@@ -23,7 +23,7 @@ pub(super) struct Point {
     pub(super) label: String,
 }
 
-/// One line.
+/// One line of a plot.
 pub(super) struct Series {
     pub(super) name: String,
     /// Index into the colours of the style sheet.

@@ -35,7 +35,7 @@ const MAX_RASTER_FEATURES: usize = 48;
 
 const MAX_RASTER_VISITS: usize = 160;
 
-/// Mistakes shown.
+/// So many mistakes are shown.
 const NUM_MISTAKES: usize = 10;
 
 /// Points of a drawn p(t).

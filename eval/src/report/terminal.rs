@@ -35,7 +35,10 @@ pub fn render(results: &SuiteResults, n: Option<u32>) -> String {
     };
     over_n(&mut text, results);
     at_n(&mut text, results, n);
-    judgement(&mut text, results, n);
+    // Not every n is judged.
+    let is_judged = results.judgement.iter().any(|it| it.n == n);
+    let judged_n = results.detail_n().filter(|_| !is_judged).unwrap_or(n);
+    judgement(&mut text, results, judged_n);
     visibility_errors(&mut text, results);
     if results.rows.iter().any(|row| row.is_default) {
         text.push_str("\n* the shipped default configuration\n");
@@ -159,6 +162,28 @@ fn judgement(text: &mut String, results: &SuiteResults, n: u32) {
             calibration.log_loss.value
         );
     });
+    decisions(text, results, n);
+    for it in judged().filter(|it| it.is_default && it.part.is_none()) {
+        for against in &it.against {
+            let _ = writeln!(
+                text,
+                "default against calibrated {}: Brier {:+.3} [{:+.3}, {:+.3}], ln p {:+.3} [{:+.3}, {:+.3}]",
+                against.score,
+                against.brier.value,
+                against.brier.ci_low,
+                against.brier.ci_high,
+                against.log_loss.value,
+                against.log_loss.ci_low,
+                against.log_loss.ci_high
+            );
+        }
+    }
+}
+
+/// What is decided at `n` by the default risk.
+fn decisions(text: &mut String, results: &SuiteResults, n: u32) {
+    let judged = || results.judgement.iter().filter(|it| it.n == n);
+    let has_out_of_map = judged().any(|it| it.out_of_map.is_some());
     let risk = judged().next().map_or(0.0, |it| it.in_map.decisions.risk);
     let _ = writeln!(
         text,
@@ -172,7 +197,7 @@ fn judgement(text: &mut String, results: &SuiteResults, n: u32) {
         "ambiguous",
         "unknown",
         if has_out_of_map {
-            "foreign accepted"
+            "out-of-map accepted"
         } else {
             ""
         }
@@ -198,21 +223,6 @@ fn judgement(text: &mut String, results: &SuiteResults, n: u32) {
             let _ = write!(text, "{cell:>21}");
         }
     });
-    for it in judged().filter(|it| it.is_default && it.part.is_none()) {
-        for against in &it.against {
-            let _ = writeln!(
-                text,
-                "default against calibrated {}: Brier {:+.3} [{:+.3}, {:+.3}], ln p {:+.3} [{:+.3}, {:+.3}]",
-                against.score,
-                against.brier.value,
-                against.brier.ci_low,
-                against.brier.ci_high,
-                against.log_loss.value,
-                against.log_loss.ci_low,
-                against.log_loss.ci_high
-            );
-        }
-    }
 }
 
 /// Writes one line per judged row at `n` under headings of part, preset and score.

@@ -9,11 +9,11 @@ use super::key::Variant;
 /// A number with its 95 % interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
-    /// The number.
+    /// The measured number.
     pub value: f64,
-    /// Lower end.
+    /// Lower end of its interval.
     pub ci_low: f64,
-    /// Upper end.
+    /// Upper end of its interval.
     pub ci_high: f64,
 }
 
@@ -120,7 +120,7 @@ pub struct InMap {
     pub retrieval: Retrieval,
     /// Located, ambiguous, unknown.
     pub decisions: Decisions,
-    /// Of the posterior.
+    /// How well the posterior is calibrated.
     pub calibration: Calibration,
 }
 
@@ -131,7 +131,7 @@ pub struct OutOfMap {
     pub queries: u32,
     /// Located all the same (false-accept rate), ambiguous, unknown.
     pub decisions: Decisions,
-    /// Of the posterior.
+    /// How well the posterior is calibrated.
     pub calibration: Calibration,
 }
 
@@ -141,7 +141,7 @@ pub struct Mixed {
     /// The share that out-of-map queries are weighted to.
     #[serde(rename = "elsewhere")]
     pub off_map: f64,
-    /// Of the posterior.
+    /// How well the posterior is calibrated.
     pub calibration: Calibration,
     /// Accepting a out-of-map query is a mistake.
     pub retrieval: Retrieval,
@@ -177,7 +177,7 @@ pub struct Judgement {
     /// Queries without one.
     #[serde(rename = "foreign", default, skip_serializing_if = "Option::is_none")]
     pub out_of_map: Option<OutOfMap>,
-    /// Both.
+    /// In-map and out-of-map queries together, weighted by the off-map prior.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mixed: Option<Mixed>,
     /// What other risks would give.

@@ -71,7 +71,7 @@ pub struct Variant {
     pub preset: String,
     /// `static`, `fremen`, `experience`, `experience-all`, `freex` or `fused`.
     pub method: String,
-    /// Visibility model.
+    /// The visibility model, by its name in the suite.
     pub model: String,
     /// `count`, `inliers` or `likelihood`; empty for what all scores share.
     #[serde(default, skip_serializing_if = "String::is_empty")]

@@ -99,7 +99,7 @@ pub struct StageLatency {
 /// How far one model's p(t) is from the truth, on average.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct VisibilityError {
-    /// Its name.
+    /// Name of the model.
     pub model: String,
     /// Whether the shipped default configuration uses it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]

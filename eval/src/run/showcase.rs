@@ -9,7 +9,7 @@ use crate::results::{SuiteResults, Variant};
 /// One localizer with the first fold that it answered.
 #[derive(Debug)]
 pub struct Showcase {
-    /// The run.
+    /// The variant that the localizer runs.
     pub variant: Variant,
     /// Its localizer in the first fold.
     pub localizer: Localizer,
@@ -34,7 +34,7 @@ impl Showcase {
 /// A suite that was run.
 #[derive(Debug)]
 pub struct SuiteRun {
-    /// Its numbers.
+    /// The numbers of the run.
     pub results: SuiteResults,
     /// What pictures can show of it, with the images that they are of.
     pub shown: Option<Shown>,
@@ -43,7 +43,7 @@ pub struct SuiteRun {
 /// A showcase and its images.
 #[derive(Debug)]
 pub struct Shown {
-    /// The localizer.
+    /// The localizer with its fold.
     pub showcase: Showcase,
     /// The images of its fold.
     pub data: ExtractedDataset,

@@ -36,7 +36,7 @@ pub struct Series {
 /// The series of a suite with their digest and what should be known of them.
 #[derive(Clone, Debug)]
 pub struct SeriesDataset {
-    /// The series.
+    /// The series, each with what is learnt and what is queried.
     pub series: Vec<Series>,
     /// Of the bytes of all files.
     pub sha256: String,

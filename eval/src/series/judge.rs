@@ -40,56 +40,9 @@ pub(super) fn judge(suite: &Suite, dataset: &SeriesDataset, share: f64) -> Resul
         })
         .collect::<Result<_>>()?;
     drop(bar);
-    let mut rows = Vec::new();
-    for sampling in Sampling::ALL {
-        // First draws of a series, then series of the suite.
-        let mut of_series: Vec<(&str, Vec<Score>)> = Vec::new();
-        for (&(_, series, _), scores) in tasks.iter().zip(&scores).filter(|(t, _)| t.0 == sampling)
-        {
-            match of_series.last_mut() {
-                Some((name, total)) if *name == series.name => {
-                    for score in scores {
-                        if let Some(total) = same(total, score) {
-                            total.add_draw(score);
-                        }
-                    }
-                }
-                _ => of_series.push((&series.name, scores.iter().map(Score::copy).collect())),
-            }
-        }
-        let mut of_series = of_series.into_iter().map(|(_, scores)| scores);
-        let mut total = of_series.next().unwrap_or_default();
-        let mut num_series = vec![1; total.len()];
-        for scores in of_series {
-            for (total, num) in total.iter_mut().zip(&mut num_series) {
-                let same = scores
-                    .iter()
-                    .find(|s| s.model == total.model && s.order == total.order);
-                if let Some(score) = same {
-                    total.add_series(score);
-                    *num += 1;
-                }
-            }
-        }
-        // A model that some of the series do not allow would be compared on others than the rest.
-        let is_complete = |num: &usize| *num == dataset.series.len();
-        let complete: Vec<&Score> = (total.iter().zip(&num_series))
-            .filter(|(_, num)| is_complete(num))
-            .map(|(score, _)| score)
-            .collect();
-        let Some(mean) = complete.iter().find(|score| score.model == BASELINE) else {
-            continue;
-        };
-        let parts = dataset
-            .series
-            .first()
-            .map_or(&[][..], |series| &series.parts);
-        rows.extend(
-            complete
-                .iter()
-                .map(|score| row(score, mean, sampling, parts)),
-        );
-    }
+    let rows = (Sampling::ALL.into_iter())
+        .flat_map(|sampling| rows_of(sampling, &tasks, &scores, dataset))
+        .collect();
     let first = dataset.series.iter().flat_map(|series| &series.parts);
     let mut results = SeriesResults {
         schema_version: SCHEMA_VERSION,
@@ -111,6 +64,59 @@ pub(super) fn judge(suite: &Suite, dataset: &SeriesDataset, share: f64) -> Resul
     };
     results.notes.extend(in_words(&results));
     Ok(results)
+}
+
+/// The rows of one sampling: first the draws of each series are added up, then the series.
+fn rows_of(
+    sampling: Sampling,
+    tasks: &[(Sampling, &Series, u64)],
+    scores: &[Vec<Score>],
+    dataset: &SeriesDataset,
+) -> Vec<Row> {
+    // First draws of a series, then series of the suite.
+    let mut of_series: Vec<(&str, Vec<Score>)> = Vec::new();
+    for (&(_, series, _), scores) in tasks.iter().zip(scores).filter(|(t, _)| t.0 == sampling) {
+        match of_series.last_mut() {
+            Some((name, total)) if *name == series.name => {
+                for score in scores {
+                    if let Some(total) = same(total, score) {
+                        total.add_draw(score);
+                    }
+                }
+            }
+            _ => of_series.push((&series.name, scores.iter().map(Score::copy).collect())),
+        }
+    }
+    let mut of_series = of_series.into_iter().map(|(_, scores)| scores);
+    let mut total = of_series.next().unwrap_or_default();
+    let mut num_series = vec![1; total.len()];
+    for scores in of_series {
+        for (total, num) in total.iter_mut().zip(&mut num_series) {
+            let same = scores
+                .iter()
+                .find(|s| s.model == total.model && s.order == total.order);
+            if let Some(score) = same {
+                total.add_series(score);
+                *num += 1;
+            }
+        }
+    }
+    // A model that some of the series do not allow would be compared on others than the rest.
+    let is_complete = |num: &usize| *num == dataset.series.len();
+    let complete: Vec<&Score> = (total.iter().zip(&num_series))
+        .filter(|(_, num)| is_complete(num))
+        .map(|(score, _)| score)
+        .collect();
+    let Some(mean) = complete.iter().find(|score| score.model == BASELINE) else {
+        return Vec::new();
+    };
+    let parts = dataset
+        .series
+        .first()
+        .map_or(&[][..], |series| &series.parts);
+    (complete.iter())
+        .map(|score| row(score, mean, sampling, parts))
+        .collect()
 }
 
 fn row(score: &Score, mean: &Score, sampling: Sampling, parts: &[Part]) -> Row {

@@ -61,7 +61,7 @@ pub struct Instant {
 }
 
 impl Instant {
-    /// Some time.
+    /// An instant at the epoch; [`set`](Self::set) moves it.
     pub fn new() -> Result<Self> {
         let candidates = candidates()?;
         let phasors = vec![0.0; 2 * candidates.len()];

@@ -17,7 +17,7 @@ pub(super) const SCHEMA_VERSION: u32 = 1;
 /// A number with its 95 % interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Measured {
-    /// The value.
+    /// The measured value.
     pub value: f64,
     /// Lower end of the interval.
     pub low: f64,
@@ -85,7 +85,7 @@ pub struct Drawing {
 /// The file `SUITE.json` of a series' suite, and what its report draws.
 #[derive(Clone, Debug, Serialize)]
 pub struct SeriesResults {
-    /// 1.
+    /// The version of the file format, 1.
     pub schema_version: u32,
     /// The suite's name.
     pub suite: String,
@@ -105,11 +105,11 @@ pub struct SeriesResults {
     pub blocks: String,
     /// The share of samples that thinning keeps.
     pub share: f64,
-    /// Anything else.
+    /// Anything else that the reader should know.
     pub notes: Vec<String>,
     /// How many series.
     pub num_series: usize,
-    /// Unseen samples.
+    /// Number of unseen samples that are queried.
     #[serde(rename = "num_asked")]
     pub num_queried: usize,
     /// Every sampling, model and order.

@@ -8,10 +8,10 @@ use super::data::{SeriesDataset, State};
 use super::models::candidates;
 use super::sampling::Sampling;
 
-/// One rhythm.
+/// One rhythm of a series.
 #[derive(Clone, Copy, Debug)]
 pub struct Line {
-    /// Its length.
+    /// Length of its period, s.
     pub period_s: f64,
     /// How far p(t) swings to either side, `2 abs(g_k)`.
     pub amplitude: f64,

@@ -54,7 +54,7 @@ pub struct LiveOptions {
     /// Seconds that pass in the street in one second.
     #[arg(long, default_value_t = 24.0)]
     pub clock_rate: f64,
-    /// Where.
+    /// The street that is driven.
     #[command(flatten)]
     pub street: StreetOptions,
 }

@@ -32,7 +32,7 @@ pub struct SoakOptions {
     /// Visits of the first place.
     #[arg(long = "visits", default_value_t = 10_000)]
     pub num_visits: usize,
-    /// Where.
+    /// The street that is visited.
     #[command(flatten)]
     pub street: StreetOptions,
 }

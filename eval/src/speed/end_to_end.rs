@@ -197,7 +197,7 @@ fn least(ms: &[f64]) -> f64 {
 /// One answer to each query.
 #[derive(Default)]
 struct Answered {
-    /// Milliseconds.
+    /// Milliseconds that each answer took.
     whole: Vec<f64>,
     first: Vec<Option<NodeId>>,
 }

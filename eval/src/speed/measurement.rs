@@ -116,7 +116,7 @@ impl Measurement {
 /// Everything that one run measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SpeedReport {
-    /// 1.
+    /// The version of the file format, 1.
     pub schema_version: u32,
     /// Revision of the sources.
     pub commit: String,

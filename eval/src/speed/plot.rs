@@ -36,7 +36,7 @@ struct Line {
     points: Vec<(f64, f64)>,
 }
 
-/// Both panels.
+/// Both panels of the plot.
 pub(super) fn growth(report: &SpeedReport) -> String {
     let (whole, stages): (Vec<_>, Vec<_>) = lines_of(report).into_iter().partition(is_whole);
     let panels = [

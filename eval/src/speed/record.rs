@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use super::measurement::SpeedReport;
 use super::table;
 
-/// The page.
+/// The page that is kept with the sources.
 pub(super) fn markdown(report: &SpeedReport) -> String {
     let mut text = String::from(
         "# A run of `make speed`\n\n\

@@ -23,7 +23,7 @@ pub struct Python {
 /// OpenCV's times and what it found in each image.
 #[derive(Debug, Deserialize)]
 pub struct Extraction {
-    /// Of OpenCV.
+    /// The version of OpenCV.
     pub version: String,
     /// Of all images.
     pub ms: Vec<f64>,
@@ -36,7 +36,7 @@ pub struct Extraction {
 /// FAISS's times and answers.
 #[derive(Debug, Deserialize)]
 pub struct Search {
-    /// Of FAISS.
+    /// The version of FAISS.
     pub version: String,
     /// One for each index and setting.
     pub answers: Vec<Answer>,

@@ -219,7 +219,7 @@ impl Workload {
 pub struct SplitMix(pub u64);
 
 impl SplitMix {
-    /// 64 bits.
+    /// The next 64 random bits.
     pub fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;

@@ -38,7 +38,7 @@ const BUILTIN: &[(&str, &str)] = &[
     ("ablation", include_str!("../../suites/ablation.toml")),
 ];
 
-/// One suite.
+/// One suite: what is measured on what.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct Suite {

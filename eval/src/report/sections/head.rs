@@ -94,6 +94,11 @@ fn verdict(html: &mut String, results: &SuiteResults, row: &Row, headline: &Head
             row.n
         );
     }
+    tiles(html, results, row, headline);
+}
+
+/// The numbers of the headline, one a tile.
+fn tiles(html: &mut String, results: &SuiteResults, row: &Row, headline: &Headline) {
     html.push_str("<div class=\"tiles\">");
     let mut tile = |value: String, what: String| {
         put!(
@@ -107,7 +112,7 @@ fn verdict(html: &mut String, results: &SuiteResults, row: &Row, headline: &Head
         format!("{:.1} %", row.wrong_percent()),
         format!("wrong (95 % interval {})", interval_text(row)),
     );
-    if let Some(pair) = &pair {
+    if let Some(pair) = &headline.against_static {
         let interval = pair.points.interval;
         tile(
             format!("{} points", signed(pair.points.mean)),
@@ -119,7 +124,7 @@ fn verdict(html: &mut String, results: &SuiteResults, row: &Row, headline: &Head
         );
     }
     if let Some(percent) = row.reobserved {
-        let of_static = baseline(results, variant)
+        let of_static = baseline(results, &headline.variant)
             .and_then(|other| results.row(&other.at(row.n))?.reobserved)
             .map_or_else(String::new, |percent| format!(" (static: {percent:.0} %)"));
         tile(

@@ -201,7 +201,7 @@ impl Replays {
 
 fn main() -> ExitCode {
     main_of(Args::parse()).unwrap_or_else(|error| {
-        eprintln!("error: {error:#}");
+        eprintln!("error: {}", chronotope::error::describe(error.as_ref()));
         ExitCode::from(2)
     })
 }

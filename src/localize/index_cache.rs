@@ -48,20 +48,17 @@ use crate::map::{
 use crate::matching::BinaryWords;
 use crate::predict::ReferenceVisits;
 use fremen::error::{Error, Result};
-use fremen::spectrum::CandidatePeriods;
 use fremen::time::Time;
-use fremen::visibility::{BitRow, Fremen, Mean, VisibilityModel, Visits};
+use fremen::visibility::{self, BitRow, VisibilityModel, Visits};
 
 const MAGIC: [u8; 8] = *b"CHRQUERY";
 /// Grows when bytes or what they lead to change their meaning.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 const HEAD_BYTES: usize = 64;
 /// Places that a thread reads at a time.
 const PLACES_PER_BLOCK: usize = 64;
 /// Blocks that wait in memory to be written.
 const BLOCKS_PER_WAVE: usize = 16;
-/// In place of a set of rhythms, where a model is the mean.
-const NO_RHYTHMS: u32 = u32::MAX;
 /// A map that takes longer to open has an index cache by [`IndexCache::Auto`]: measured were 0.4 s for 5 places
 /// with 60 visits, for which no file should appear, and 8 s (0.4 s by the index cache) for 6 with 4,644.
 const SLOW: Duration = Duration::from_secs(1);
@@ -138,16 +135,12 @@ struct Contents {
     calibration: Option<Calibration>,
     /// The centroids of the words that candidates are found by.
     words: Option<Vec<[u64; 4]>>,
-    /// The sets of rhythms that models name by their position here.
-    rhythms: Vec<CandidatePeriods>,
     blocks: Vec<Block>,
 }
 
 /// What a place is matched by, in the form that is kept.
 enum Kept<'a> {
-    /// With the position of its rhythms among those of the map.
-    Fremen(&'a Fremen, u32),
-    Mean(&'a Mean),
+    Model(&'a dyn VisibilityModel),
     Appearances,
 }
 
@@ -226,43 +219,30 @@ impl Localizer {
         remove_older(path, stamp);
     }
 
-    /// Whether it could be written: every model must have the form that is kept.
+    /// Whether it could be written: every model must have a form in bytes.
     fn write_index_cache(&self, path: &Path, fingerprint: &Fingerprint) -> io::Result<bool> {
-        let mut kept = Vec::with_capacity(self.map.plans.len());
-        let mut rhythms: Vec<CandidatePeriods> = Vec::new();
-        for plan in &self.map.plans {
-            kept.push(match plan.as_ref() {
-                Plan::Appearances { .. } => Kept::Appearances,
-                Plan::Predicted { model, .. } => {
-                    if let Some(model) = model.as_fremen() {
-                        let known = rhythms.iter().position(|it| it == model.candidates());
-                        if known.is_none() {
-                            rhythms.push(model.candidates().clone());
-                        }
-                        Kept::Fremen(model, known.unwrap_or(rhythms.len() - 1) as u32)
-                    } else if let Some(model) = model.as_mean() {
-                        Kept::Mean(model)
-                    } else {
-                        return Ok(false);
-                    }
-                }
-            });
-        }
+        let kept = (self.map.plans.iter()).map(|plan| match plan.as_ref() {
+            Plan::Appearances { .. } => Kept::Appearances,
+            Plan::Predicted { model, .. } => Kept::Model(model.as_ref()),
+        });
         let mut file = BufWriter::new(File::create_new(path)?);
         file.write_all(&[0; HEAD_BYTES])?;
         let mut end = HEAD_BYTES as u64;
-        let places: Vec<_> = self.snapshot().nodes.iter().zip(&kept).collect();
+        let places: Vec<_> = self.snapshot().nodes.iter().zip(kept).collect();
         let mut blocks = Vec::new();
         for wave in places.chunks(PLACES_PER_BLOCK * BLOCKS_PER_WAVE) {
-            let wave: Vec<(usize, Vec<u8>)> = (wave.par_chunks(PLACES_PER_BLOCK))
+            let wave: Option<Vec<(usize, Vec<u8>)>> = (wave.par_chunks(PLACES_PER_BLOCK))
                 .map(|places| {
                     let mut bytes = Vec::new();
                     for (node, kept) in places {
-                        put_place(&mut bytes, node, kept);
+                        put_place(&mut bytes, node, kept)?;
                     }
-                    (places.len(), bytes)
+                    Some((places.len(), bytes))
                 })
                 .collect();
+            let Some(wave) = wave else {
+                return Ok(false);
+            };
             for (num_places, bytes) in wave {
                 file.write_all(&bytes)?;
                 blocks.push(Block {
@@ -274,7 +254,7 @@ impl Localizer {
                 end += bytes.len() as u64;
             }
         }
-        let contents = serde_json::to_vec(&self.contents(rhythms, blocks))?;
+        let contents = serde_json::to_vec(&self.contents(blocks))?;
         file.write_all(&contents)?;
         file.rewind()?;
         file.write_all(&head(fingerprint, end, crc32fast::hash(&contents)))?;
@@ -282,7 +262,7 @@ impl Localizer {
         Ok(true)
     }
 
-    fn contents(&self, rhythms: Vec<CandidatePeriods>, blocks: Vec<Block>) -> Contents {
+    fn contents(&self, blocks: Vec<Block>) -> Contents {
         let MapMeta {
             uuid,
             extractor,
@@ -309,7 +289,6 @@ impl Localizer {
             } else {
                 None
             },
-            rhythms,
             blocks,
         }
     }
@@ -438,7 +417,7 @@ fn parse(file: &[u8], fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Optio
         end = end.checked_add(block.len)?;
     }
     let blocks = (contents.blocks.par_iter())
-        .map(|block| read_block(file, block, &contents.rhythms, cfg))
+        .map(|block| read_block(file, block, cfg))
         .collect::<Option<Vec<_>>>()?;
     let num_places = blocks.iter().map(Vec::len).sum();
     let (mut nodes, mut plans) = (
@@ -485,17 +464,12 @@ fn checked(bytes: &[u8], crc: u32) -> Option<&[u8]> {
     (cfg!(fuzzing) || crc32fast::hash(bytes) == crc).then_some(bytes)
 }
 
-fn read_block(
-    file: &[u8],
-    block: &Block,
-    rhythms: &[CandidatePeriods],
-    cfg: &LocalizerConfig,
-) -> Option<Vec<(Node, Plan)>> {
+fn read_block(file: &[u8], block: &Block, cfg: &LocalizerConfig) -> Option<Vec<(Node, Plan)>> {
     let start = usize::try_from(block.start).ok()?;
     let end = start.checked_add(usize::try_from(block.len).ok()?)?;
     let mut reader = Reader(checked(file.get(start..end)?, block.crc)?);
     let places = (0..block.num_places)
-        .map(|_| reader.place(rhythms, cfg))
+        .map(|_| reader.place(cfg))
         .collect::<Option<Vec<_>>>()?;
     reader.0.is_empty().then_some(places)
 }
@@ -514,10 +488,6 @@ fn put_row(bytes: &mut Vec<u8>, row: &BitRow) {
     bytes.extend(row.words().iter().flat_map(|word| word.to_le_bytes()));
 }
 
-fn put_numbers(bytes: &mut Vec<u8>, numbers: &[f64]) {
-    bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
-}
-
 fn put_features(bytes: &mut Vec<u8>, features: &Features) {
     put_count(bytes, features.len());
     for it in features.keypoints() {
@@ -529,29 +499,8 @@ fn put_features(bytes: &mut Vec<u8>, features: &Features) {
     }
 }
 
-fn put_model(bytes: &mut Vec<u8>, kept: &Kept<'_>) {
-    let (model, rhythms) = match *kept {
-        Kept::Appearances => return,
-        Kept::Fremen(model, rhythms) => (model, rhythms),
-        Kept::Mean(model) => {
-            bytes.extend_from_slice(&NO_RHYTHMS.to_le_bytes());
-            put_numbers(bytes, model.probabilities());
-            return;
-        }
-    };
-    let (mean, candidate, terms) = model.to_parts();
-    bytes.extend_from_slice(&rhythms.to_le_bytes());
-    put_count(bytes, model.order());
-    put_numbers(bytes, mean);
-    bytes.extend(candidate.iter().flat_map(|it| it.to_le_bytes()));
-    bytes.extend(
-        (terms.iter())
-            .flat_map(|it| [it.0, it.1])
-            .flat_map(f64::to_le_bytes),
-    );
-}
-
-fn put_place(bytes: &mut Vec<u8>, node: &Node, kept: &Kept<'_>) {
+/// `None` if the model has no form in bytes.
+fn put_place(bytes: &mut Vec<u8>, node: &Node, kept: &Kept<'_>) -> Option<()> {
     put_text(bytes, node.key.as_str());
     bytes.push(u8::from(node.pose.is_some()));
     for metres in node.pose.iter().flatten() {
@@ -578,7 +527,12 @@ fn put_place(bytes: &mut Vec<u8>, node: &Node, kept: &Kept<'_>) {
             put_features(bytes, appearance);
         }
     }
-    put_model(bytes, kept);
+    if let Kept::Model(model) = kept {
+        let model = model.encode()?;
+        put_count(bytes, model.len());
+        bytes.extend(model);
+    }
+    Some(())
 }
 
 /// Bytes from outside; every step says whether they went on so far.
@@ -655,11 +609,7 @@ impl<'a> Reader<'a> {
         Features::from_parts(keypoints, descriptors).ok()
     }
 
-    fn place(
-        &mut self,
-        rhythms: &[CandidatePeriods],
-        cfg: &LocalizerConfig,
-    ) -> Option<(Node, Plan)> {
+    fn place(&mut self, cfg: &LocalizerConfig) -> Option<(Node, Plan)> {
         let mut node = Node::new(PlaceKey::new(self.text()?).ok()?);
         if self.u8()? != 0 {
             node.pose = Some(self.f64s(3)?.try_into().ok()?);
@@ -674,7 +624,7 @@ impl<'a> Reader<'a> {
         }
         let plan = if cfg.method().predicts() {
             Plan::Predicted {
-                model: self.model(node.features.len(), rhythms)?,
+                model: self.model(node.features.len())?,
                 references: ReferenceVisits::of(&node.log, Visits::All).ok()?,
             }
         } else {
@@ -719,30 +669,10 @@ impl<'a> Reader<'a> {
         Some(())
     }
 
-    fn model(
-        &mut self,
-        num_features: usize,
-        rhythms: &[CandidatePeriods],
-    ) -> Option<Box<dyn VisibilityModel>> {
-        let at = self.u32()?;
-        if at == NO_RHYTHMS {
-            return Some(Box::new(Mean::from_probabilities(
-                self.f64s(num_features)?,
-            )?));
-        }
-        let rhythms = rhythms.get(at as usize)?;
-        let order = self.count()?;
-        let num_slots = order.checked_mul(num_features)?;
-        let mean = self.f64s(num_features)?;
-        let candidate = (self.records::<2>(num_slots)?.iter())
-            .map(|&record| u16::from_le_bytes(record))
-            .collect();
-        let numbers = self.f64s(num_slots.checked_mul(2)?)?;
-        let terms = (numbers.as_chunks::<2>().0.iter())
-            .map(|&[cosine, sine]| (cosine, sine))
-            .collect();
-        let model = Fremen::from_parts(rhythms.clone(), order, mean, candidate, terms)?;
-        Some(Box::new(model))
+    fn model(&mut self, num_features: usize) -> Option<Box<dyn VisibilityModel>> {
+        let count = self.count()?;
+        let model = visibility::decode(self.bytes(count)?).ok()?;
+        (model.num_features() == num_features).then_some(model)
     }
 }
 

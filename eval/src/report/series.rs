@@ -14,7 +14,8 @@ use super::page::{document, run_again};
 use super::plot::{Point, Scale, Series, SharePlot, path};
 use crate::results::{Order, write_atomically};
 use crate::series::sampling::Sampling;
-use crate::series::{Drawing, Line, Measured, Row, SeriesResults, Spectrum, facts, is_in_table};
+use crate::series::{Drawing, Measured, Row, SeriesResults, Spectrum, facts, is_in_table};
+use chronotope::spectrum::PeriodogramLine;
 
 const WIDTH: f64 = 480.0;
 const LEFT: f64 = 40.0;
@@ -426,7 +427,7 @@ fn one_spectrum(html: &mut String, spectrum: &Spectrum) {
     } else {
         "sampling"
     };
-    let stems = |height: &dyn Fn(&Line) -> f64| {
+    let stems = |height: &dyn Fn(&PeriodogramLine) -> f64| {
         let mut d = String::new();
         for line in &spectrum.lines {
             put!(d, "M{:.1} {MIDDLE}V{:.1}", px(line.period_s), height(line));

@@ -76,7 +76,7 @@ impl<'s> DatasetRun<'s> {
         }
         let mut first_run = 0;
         for arm in &self.suite.arms {
-            let runs = arm.runs(self.has_clock);
+            let runs = arm.runs(self.has_clock)?;
             let num_runs = runs.len();
             let answers: Vec<Vec<(usize, Vec<RunAnswers>)>> = (checked.par_iter())
                 .map(|fold| {
@@ -124,7 +124,7 @@ impl<'s> DatasetRun<'s> {
                     .with_image_size(data.extracted[*entry].image_size)
             })
             .collect();
-        let runs = arm.runs(self.has_clock);
+        let runs = arm.runs(self.has_clock)?;
         for (index, (localizer, run)) in localizers(&snapshot, &runs)?
             .into_iter()
             .zip(&runs)

@@ -172,8 +172,8 @@ impl MultiDataset<'_> {
         let mut first_run = 0;
         for arm in &suite.arms {
             let runs = match part.data.dataset.clock {
-                Clock::Real => arm.runs(true),
-                Clock::None => arm.runs_without_clock(),
+                Clock::Real => arm.runs(true)?,
+                Clock::None => arm.runs_without_clock()?,
             };
             let (distinct, of_run) = distinct(&runs);
             let said: Vec<Vec<(usize, Vec<RunAnswers>)>> = (cases.par_iter())
@@ -184,7 +184,7 @@ impl MultiDataset<'_> {
                 })
                 .collect::<Result<_>>()?;
             // The runs by name: a stand-in answers under the name of what it stands in for.
-            tallies.register(arm, arm.runs(true), first_run, &default);
+            tallies.register(arm, arm.runs(true)?, first_run, &default);
             for (case, said) in cases.iter().zip(said) {
                 for (entry, said) in said {
                     let said = of_run.iter().map(|&run| said[run].clone());
@@ -383,9 +383,9 @@ mod tests {
     #[test]
     fn stand_ins_run_once_and_answer_twice() {
         let arm = &suite(true).arms[0];
-        let (distinct_runs, of_run) = distinct(&arm.runs_without_clock());
+        let (distinct_runs, of_run) = distinct(&arm.runs_without_clock().unwrap());
         // Each method runs once for its likelihood and once for its counts.
         assert_eq!((distinct_runs.len(), of_run), (2, vec![0, 1, 0, 1]));
-        assert_eq!(distinct(&arm.runs(true)).1, [0, 1, 2, 3]);
+        assert_eq!(distinct(&arm.runs(true).unwrap()).1, [0, 1, 2, 3]);
     }
 }

@@ -117,9 +117,10 @@ pub fn record(suite: &Suite, options: &RunOptions, path: &Path) -> Result<usize>
 /// first.
 fn shown<'s>(suite: &'s Suite, data: &ExtractedDataset) -> Result<(&'s Arm, Run)> {
     let has_clock = data.dataset.clock == chronotope::dataset::Clock::Real;
-    let runs: Vec<(&Arm, Run)> = (suite.arms.iter())
-        .flat_map(|arm| arm.runs(has_clock).into_iter().map(move |run| (arm, run)))
-        .collect();
+    let mut runs: Vec<(&Arm, Run)> = Vec::new();
+    for arm in &suite.arms {
+        runs.extend(arm.runs(has_clock)?.into_iter().map(|run| (arm, run)));
+    }
     let default = shipped(has_clock);
     let is_default =
         |(arm, run): &&(&Arm, Run)| arm.preset == Preset::Default && run.localizer == default;

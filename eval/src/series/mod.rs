@@ -23,7 +23,7 @@ use crate::run::RunOptions;
 use crate::suite::{Protocol, Suite};
 pub use results::{Drawing, Measured, Row, SeriesResults};
 pub(crate) use results::{facts, is_in_table};
-pub use spectrum::{Line, Spectrum};
+pub use spectrum::Spectrum;
 pub use table::table;
 
 /// Runs a suite of series; `None` if it is none.

@@ -1,23 +1,11 @@
 //! Which rhythms does a series have, and which does its sampling pretend?
 
 use anyhow::Result;
-use chronotope::Period;
-use chronotope::spectrum::{CandidatePeriods, SpectralSums};
+use chronotope::spectrum::{Periodogram, PeriodogramLine};
 
 use super::data::{SeriesDataset, State};
 use super::models::candidates;
 use super::sampling::Sampling;
-
-/// One rhythm of a series.
-#[derive(Clone, Copy, Debug)]
-pub struct Line {
-    /// Length of its period, s.
-    pub period_s: f64,
-    /// How far p(t) swings to either side, `2 abs(g_k)`.
-    pub amplitude: f64,
-    /// `abs(W_k) / m`: 0 where samples are spread over all phases, 1 where all have one phase.
-    pub window: f64,
-}
 
 /// The spectrum of one series over that of its sampling.
 #[derive(Clone, Debug)]
@@ -25,7 +13,7 @@ pub struct Spectrum {
     /// Which series, sampled how.
     pub title: String,
     /// Longest period first.
-    pub lines: Vec<Line>,
+    pub lines: Vec<PeriodogramLine>,
 }
 
 /// Of the liveliest series, with each sampling.
@@ -43,49 +31,8 @@ pub(super) fn spectra(dataset: &SeriesDataset, share: f64) -> Result<Vec<Spectru
             let states = sampling.draw(&series.learn, share, 0);
             Ok(Spectrum {
                 title: format!("{}, {} samples", series.name, sampling.name()),
-                lines: lines(&states)?,
+                lines: Periodogram::new(&states, &candidates()?)?.lines().to_vec(),
             })
         })
-        .collect()
-}
-
-fn lines(states: &[State]) -> Result<Vec<Line>> {
-    let candidates = candidates()?;
-    let mut sums = SpectralSums::new(candidates.clone());
-    for &(time, state) in states {
-        sums.add(time, state)?;
-    }
-    let windows = windows(&candidates, states);
-    let mut lines: Vec<Line> = (windows.into_iter().enumerate())
-        .map(|(k, window)| Line {
-            period_s: candidates.period_s(k),
-            amplitude: 0.0,
-            window,
-        })
-        .collect();
-    for component in sums.rhythms(candidates.len()).components() {
-        let k = (Period::WEEK.as_s() / component.period_s).round() as usize;
-        if let Some(line) = lines.get_mut(k.wrapping_sub(1)) {
-            line.amplitude = component.amplitude;
-        }
-    }
-    Ok(lines)
-}
-
-/// `abs(W_k) / m` of every candidate.
-fn windows(candidates: &CandidatePeriods, states: &[State]) -> Vec<f64> {
-    let width = 2 * candidates.len();
-    let (mut sums, mut phasors) = (vec![0.0; width], vec![0.0; width]);
-    for &(time, _) in states {
-        candidates.phasors_into(time, &mut phasors);
-        for (sum, phasor) in sums.iter_mut().zip(&phasors) {
-            *sum += phasor;
-        }
-    }
-    let (cos, sin) = sums.split_at(candidates.len());
-    let count = states.len().max(1) as f64;
-    cos.iter()
-        .zip(sin)
-        .map(|(c, s)| c.hypot(*s) / count)
         .collect()
 }

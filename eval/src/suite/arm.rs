@@ -103,12 +103,12 @@ fn timeless(cfg: LocalizerConfig) -> LocalizerConfig {
 impl Arm {
     /// The runs where times are no clock: a run that needs one is replaced by `static` and keeps
     /// its name, as the default configuration does without a time that it can use.
-    pub fn runs_without_clock(&self) -> Vec<Run> {
-        let mut runs = self.runs(true);
+    pub fn runs_without_clock(&self) -> Result<Vec<Run>> {
+        let mut runs = self.runs(true)?;
         for run in &mut runs {
             run.localizer = timeless(run.localizer.clone());
         }
-        runs
+        Ok(runs)
     }
 
     /// The time between visits, where visits are numbered instead of dated.
@@ -121,7 +121,7 @@ impl Arm {
     /// Methods that predict features are run twice where the arm has likelihoods too: those go with
     /// the preset's choice of features, matches are counted on the most likely ones, as in the
     /// papers.
-    pub fn runs(&self, has_clock: bool) -> Vec<Run> {
+    pub fn runs(&self, has_clock: bool) -> Result<Vec<Run>> {
         let mut runs = Vec::new();
         for &method in &self.methods {
             if method.needs_time() && !has_clock {
@@ -151,20 +151,24 @@ impl Arm {
                 }),
                 Method::Fremen => {
                     for (model, order) in self.models_and_orders() {
-                        let cfg = base.clone().with_visibility(model.visibility(&base, order));
+                        let cfg = base
+                            .clone()
+                            .with_visibility(model.visibility(&base, order)?);
                         self.predicting(&mut runs, &cfg, &model.name, order as u32);
                     }
                 }
                 _ => {
-                    runs.extend(self.models_and_orders().take(1).map(|(model, order)| {
-                        let cfg = base.clone().with_visibility(model.visibility(&base, order));
-                        Run {
+                    if let Some((model, order)) = self.models_and_orders().next() {
+                        let cfg = base
+                            .clone()
+                            .with_visibility(model.visibility(&base, order)?);
+                        runs.push(Run {
                             localizer: scored(&cfg, &self.scores),
                             scores: self.scores.clone(),
                             model: model.name.clone(),
                             order: order as u32,
-                        }
-                    }));
+                        });
+                    }
                 }
             }
         }
@@ -173,7 +177,7 @@ impl Arm {
                 run.model = format!("{} {label}", run.model);
             }
         }
-        runs
+        Ok(runs)
     }
 
     fn models_and_orders(&self) -> impl Iterator<Item = (&Model, usize)> {
@@ -219,12 +223,12 @@ fn scored(cfg: &LocalizerConfig, scores: &[Score]) -> LocalizerConfig {
 }
 
 impl Model {
-    fn visibility(&self, base: &LocalizerConfig, order: usize) -> VisibilityConfig {
+    fn visibility(&self, base: &LocalizerConfig, order: usize) -> Result<VisibilityConfig> {
         match &self.candidates {
-            Some(candidates) => VisibilityConfig::fremen(
+            Some(candidates) => Ok(VisibilityConfig::fremen(
                 candidates.clone(),
                 chronotope::visibility::Order::Fixed(order),
-            ),
+            )),
             None => base.visibility().clone().with_order(order),
         }
     }

@@ -172,7 +172,7 @@ mod tests {
         for suite in Suite::builtin() {
             let suite = suite.unwrap();
             for arm in &suite.arms {
-                assert!(!arm.runs(true).is_empty(), "{}", suite.name);
+                assert!(!arm.runs(true).unwrap().is_empty(), "{}", suite.name);
                 assert!(!arm.scores.is_empty(), "{}", suite.name);
             }
             assert!(suite.sizes.is_sorted(), "{}", suite.name);
@@ -185,7 +185,7 @@ mod tests {
         let mut names = std::collections::BTreeSet::new();
         let mut num_defaults = 0;
         for arm in &suite.arms {
-            for run in arm.runs(true) {
+            for run in arm.runs(true).unwrap() {
                 num_defaults += usize::from(run.localizer == LocalizerConfig::default());
                 for &score in &run.scores {
                     let name = run.variant(arm.preset, score).to_string();
@@ -200,7 +200,7 @@ mod tests {
     #[test]
     fn without_a_clock_no_method_needs_the_time() {
         let suite = Suite::find("stromovka-loo").unwrap();
-        let runs = suite.arms[0].runs(false);
+        let runs = suite.arms[0].runs(false).unwrap();
         assert!(runs.iter().all(|run| !run.localizer.method().needs_time()));
         assert!(runs.len() >= 3);
         for (has_clock, method) in [(true, Method::Fremen), (false, Method::Static)] {
@@ -208,7 +208,7 @@ mod tests {
                 .arms
                 .iter()
                 .filter(|arm| arm.preset == Preset::Default);
-            let runs: Vec<Run> = arms.flat_map(|arm| arm.runs(has_clock)).collect();
+            let runs: Vec<Run> = arms.flat_map(|arm| arm.runs(has_clock).unwrap()).collect();
             let is_shipped = |run: &&Run| run.localizer == shipped(has_clock);
             let ours: Vec<&Run> = runs.iter().filter(is_shipped).collect();
             assert_eq!(ours.len(), 1, "clock: {has_clock}");

@@ -77,7 +77,8 @@ impl<'a> Reader<'a> {
                 format!("these bytes are not {what} of a known version"),
             ));
         }
-        if crc32fast::hash(body) != u32::from_le_bytes(*crc) {
+        // A fuzzer, which cannot guess a checksum, gets behind it.
+        if crc32fast::hash(body) != u32::from_le_bytes(*crc) && !cfg!(fuzzing) {
             return Err(Error::new(
                 ErrorKind::Checksum,
                 format!("{what} is damaged: its checksum does not match"),

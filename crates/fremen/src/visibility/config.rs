@@ -326,6 +326,23 @@ impl ModelConfig {
     /// More parts of a cycle, or Gaussians, than this are refused.
     const MAX_PARTS: usize = 100_000;
 
+    fn fix_order(&mut self, fixed: usize) -> Result<()> {
+        match self {
+            Self::Fremen { order, .. } => *order = Order::Fixed(fixed),
+            Self::Pergam { order, .. } => *order = fixed,
+            Self::Persistent { of } => return of.fix_order(fixed),
+            Self::Mean {} | Self::Histogram { .. } | Self::Markov {} => {}
+            Self::Natural { .. } | Self::LeastSquares { .. } | Self::Logistic { .. } => {
+                return Err(Error::new(
+                    ErrorKind::Config,
+                    "this model chooses its rhythms by itself, so its order cannot be fixed",
+                )
+                .with_help("use the kind `fremen`, or leave the order out"));
+            }
+        }
+        self.validate()
+    }
+
     fn validate(&self) -> Result<()> {
         let parts = |name: &str, count: usize| {
             if (1..=Self::MAX_PARTS).contains(&count) {
@@ -520,12 +537,11 @@ impl VisibilityConfig {
     }
 
     /// The same with a fixed order; a model without rhythms stays as it is.
-    #[must_use]
-    pub fn with_order(mut self, fixed: usize) -> Self {
-        if let ModelConfig::Fremen { order, .. } = &mut self.model {
-            *order = Order::Fixed(fixed);
-        }
-        self
+    ///
+    /// Fails with [`ErrorKind::Config`] if the model chooses its rhythms by itself.
+    pub fn with_order(mut self, fixed: usize) -> Result<Self> {
+        self.model.fix_order(fixed)?;
+        Ok(self)
     }
 
     /// The model's kind and options.
@@ -613,6 +629,24 @@ mod tests {
                 "{text}"
             );
         }
+    }
+
+    #[test]
+    fn an_order_is_fixed_or_refused_never_ignored() {
+        let candidates = CandidatePeriods::harmonic(Period::YEAR, 12).expect("valid");
+        let fremen = VisibilityConfig::fremen(candidates, Order::HeldOut(HeldOut::default()));
+        let fixed = fremen.with_order(2).expect("has an order");
+        assert!(matches!(
+            fixed.model(),
+            ModelConfig::Fremen {
+                order: Order::Fixed(2),
+                ..
+            }
+        ));
+        let mean = VisibilityConfig::mean();
+        assert_eq!(mean.clone().with_order(3).expect("has no rhythms"), mean);
+        let error = VisibilityConfig::natural().with_order(1);
+        assert_eq!(error.expect_err("chooses").kind(), ErrorKind::Config);
     }
 
     #[test]

@@ -220,10 +220,6 @@ impl VisibilityModel for Fremen {
         }))
     }
 
-    fn as_fremen(&self) -> Option<&Fremen> {
-        Some(self)
-    }
-
     fn components(&self, feature: usize) -> Vec<Component> {
         assert!(feature < self.mean.len(), "no feature {feature}");
         (feature..self.terms.len())

@@ -66,8 +66,4 @@ impl VisibilityModel for Mean {
             self.write(writer);
         }))
     }
-
-    fn as_mean(&self) -> Option<&Mean> {
-        Some(self)
-    }
 }

@@ -2,7 +2,6 @@
 
 use std::fmt::Debug;
 
-use super::{Fremen, Mean};
 use crate::spectrum::Component;
 use crate::time::Time;
 
@@ -60,17 +59,6 @@ pub trait VisibilityModel: Debug + Send + Sync {
     /// The model as bytes, from which [`decode`](super::decode) makes one that predicts the same
     /// bits. `None` if this kind of model has no such form; every model of this crate has one.
     fn encode(&self) -> Option<Vec<u8>> {
-        None
-    }
-
-    /// The model itself, if it is a level and rhythms and nothing else: one of two that are kept in
-    /// files.
-    fn as_fremen(&self) -> Option<&Fremen> {
-        None
-    }
-
-    /// The model itself, if it is the long-term mean: the other one that is kept in files.
-    fn as_mean(&self) -> Option<&Mean> {
         None
     }
 }

@@ -10,7 +10,7 @@ use crate::feature::{Features, Rect};
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
 
-/// Position of a node in [`Snapshot::nodes`]: a local number, never stored.
+/// Position of a node in [`Snapshot::nodes`](super::Snapshot::nodes): a local number, never stored.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
 )]

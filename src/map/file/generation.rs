@@ -22,7 +22,7 @@ pub struct Generation {
     pub num_visits: usize,
     /// Features after it, without those of appearances.
     pub num_features: usize,
-    /// [`Snapshot::digest`] after it.
+    /// [`Snapshot::digest`](crate::map::Snapshot::digest) after it.
     pub digest: ContentDigest,
     pub(super) meta: u64,
     pub(super) edges: u64,

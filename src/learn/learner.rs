@@ -100,7 +100,7 @@ impl Learner {
         &self.held
     }
 
-    /// Learns one visit, or holds it if it is doubtful ([`GuardConfig`]).
+    /// Learns one visit, or holds it if it is doubtful ([`GuardConfig`](super::GuardConfig)).
     ///
     /// Fails, and changes nothing, with [`ErrorKind::Shape`] if the image or its mask has another
     /// size than the map's images, with [`ErrorKind::AlreadyExists`] if the very same visit was

@@ -65,6 +65,11 @@ impl OnlineLearner {
         &self.map
     }
 
+    /// The file, without what was learnt since the last commit.
+    pub fn into_map(self) -> Map {
+        self.map
+    }
+
     /// What has been learnt, committed or not.
     pub fn learner(&self) -> &Learner {
         &self.learner

@@ -1,11 +1,10 @@
 //! Does a robot that learns while it localises keep its pace for an hour?
 //!
-//! [`run`] drives round the rendered street for as long as it is told to. Three threads do what
-//! three parts of a robot do: a *camera* hands over an image at every tick; the *robot* extracts
-//! its features, localises it and lets the student have it; the *student* learns every image that
-//! was located, publishes a newer localiser and commits to a file every few seconds, within a
-//! budget and behind the guard. Between them are short queues; what finds one full is left out and
-//! counted, as a camera's driver does.
+//! [`run`] drives round the rendered street for as long as it is told to. A *camera* hands over an
+//! image at every tick; a [`Robot`] localises it, learns what was located on its second thread,
+//! commits every few seconds, within a budget and behind the guard, and goes on with the newer map.
+//! Between them is a short queue; what finds it full is left out and counted, as a camera's driver
+//! does.
 //!
 //! Time in the street runs faster than the clock on the wall, so that an hour shows a whole day.
 //! Three things go wrong on the way: no image comes for a while, then black ones come (a covered
@@ -17,26 +16,24 @@
 
 use std::fmt::Write as _;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow, bail};
 use chronotope::Time;
 use chronotope::dataset::synthetic::World;
-use chronotope::feature::{Extractor, ExtractorConfig, Features, GrayImage};
-use chronotope::learn::{Circumstances, Learner, Observation};
-use chronotope::localize::{Decision, Localization, Localizer, LocalizerConfig, Preset, Query};
-use chronotope::map::{Map, PlaceKey, SessionId};
+use chronotope::feature::GrayImage;
+use chronotope::robot::{Event, Robot, RobotConfig};
 
-use super::street::{Street, StreetOptions, commit, memory_bytes, quantile};
+use super::street::{Street, StreetOptions, memory_bytes, quantile};
 
 /// Rows of the table.
 const NUM_PARTS: usize = 12;
-/// Images that wait for the robot, and for the student.
+/// Images that wait for the robot.
 const QUEUE_LEN: usize = 4;
 /// The robot stays at a place for so many images.
 const STAY_IMAGES: usize = 100;
-/// The student publishes and commits this often.
+/// What was learnt is committed this often.
 const COMMIT_EVERY: Duration = Duration::from_secs(5);
 /// How long each trouble lasts, as a share of the run.
 const TROUBLE_SHARE: f64 = 1.0 / 60.0;
@@ -114,16 +111,6 @@ struct Frame {
     taken: Instant,
 }
 
-/// An image that was located.
-struct Lesson {
-    part: usize,
-    place: PlaceKey,
-    now: Time,
-    stamp: Time,
-    features: Features,
-    gray_range: Option<(u8, u8)>,
-}
-
 /// What happened in one part of the run.
 #[derive(Clone, Debug, Default)]
 struct Part {
@@ -135,7 +122,7 @@ struct Part {
     num_undecided: usize,
     num_learnt: usize,
     num_held: usize,
-    /// Located images that found the student busy.
+    /// Located images that found the learner busy.
     num_unlearnt: usize,
     /// From the image to the answer, us.
     answer_us: Vec<f64>,
@@ -146,34 +133,13 @@ struct Part {
     file_bytes: u64,
 }
 
-/// What the threads share.
-struct Shared {
-    localizer: Mutex<Arc<Localizer>>,
-    parts: Mutex<Vec<Part>>,
-    /// The same for the time of each trouble.
-    troubles: Mutex<Vec<Part>>,
-}
-
-impl Shared {
-    fn part(&self, part: usize, change: impl FnOnce(&mut Part)) {
-        let mut parts = self.parts.lock().unwrap_or_else(PoisonError::into_inner);
-        change(&mut parts[part]);
-    }
-
-    fn localizer(&self) -> Arc<Localizer> {
-        let localizer = self
-            .localizer
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        Arc::clone(&localizer)
-    }
-}
-
 struct Drive<'a> {
     options: &'a LiveOptions,
     world: World,
     image_size: (u32, u32),
-    shared: Shared,
+    parts: Mutex<Vec<Part>>,
+    /// The same for the time of each trouble.
+    troubles: Mutex<Vec<Part>>,
 }
 
 /// Runs it and gives the table.
@@ -189,31 +155,26 @@ pub fn run(options: &LiveOptions) -> Result<String> {
     let Street {
         world,
         learner,
-        map,
         image_size,
     } = street;
-    let extractor = ExtractorConfig::default().build()?;
-    let localizer = Localizer::new(map.snapshot(), LocalizerConfig::preset(Preset::Default))?;
+    let cfg = RobotConfig::default()
+        .with_learning(learner.learner().cfg().clone())
+        .with_commit_interval(COMMIT_EVERY);
+    let robot = Robot::open(learner.into_map().path(), cfg)?;
     let drive = Drive {
         options,
         world,
         image_size,
-        shared: Shared {
-            localizer: Mutex::new(Arc::new(localizer)),
-            parts: Mutex::new(vec![Part::default(); NUM_PARTS]),
-            troubles: Mutex::new(vec![Part::default(); TROUBLES.len()]),
-        },
+        parts: Mutex::new(vec![Part::default(); NUM_PARTS]),
+        troubles: Mutex::new(vec![Part::default(); TROUBLES.len()]),
     };
     let (to_robot, frames) = sync_channel(QUEUE_LEN);
-    let (to_student, lessons) = sync_channel(QUEUE_LEN);
     let drive = &drive;
     std::thread::scope(|threads| {
         let camera = threads.spawn(move || drive.camera(&to_robot));
-        let robot = threads.spawn(move || drive.robot(&frames, &to_student, extractor.as_ref()));
-        let student = threads.spawn(move || drive.student(&lessons, learner, &map));
-        // The first to fail ends the others by its closed queue.
-        let ended = [student.join(), robot.join(), camera.join()];
-        for end in ended {
+        let robot = threads.spawn(move || drive.robot(robot, &frames));
+        // The first to fail ends the other by its closed queue.
+        for end in [robot.join(), camera.join()] {
             end.map_err(|_| anyhow!("a part of the robot panicked"))??;
         }
         Ok::<(), anyhow::Error>(())
@@ -225,6 +186,11 @@ pub fn run(options: &LiveOptions) -> Result<String> {
 }
 
 impl Drive<'_> {
+    fn part(&self, part: usize, change: impl FnOnce(&mut Part)) {
+        let mut parts = self.parts.lock().unwrap_or_else(PoisonError::into_inner);
+        change(&mut parts[part]);
+    }
+
     fn num_ticks(&self) -> usize {
         (self.options.minutes * 60.0 * self.options.rate).ceil() as usize
     }
@@ -263,43 +229,26 @@ impl Drive<'_> {
             };
             match to_robot.try_send(frame) {
                 Ok(()) => {}
-                Err(TrySendError::Full(_)) => self.shared.part(part, |it| it.num_missed += 1),
+                Err(TrySendError::Full(_)) => self.part(part, |it| it.num_missed += 1),
                 Err(TrySendError::Disconnected(_)) => bail!("the robot has stopped"),
             }
         }
         Ok(())
     }
 
-    /// Answers every image, and lets the student have those that were located.
-    fn robot(
-        &self,
-        frames: &Receiver<Frame>,
-        to_student: &SyncSender<Lesson>,
-        extractor: &dyn Extractor,
-    ) -> Result<()> {
-        let mut localizer = self.shared.localizer();
-        let mut scratch = localizer.scratch();
-        let mut answer = Localization::default();
+    /// Answers every image and learns from those that are located.
+    fn robot(&self, mut robot: Robot, frames: &Receiver<Frame>) -> Result<()> {
+        let mut part = 0;
         for frame in frames {
-            let newest = self.shared.localizer();
-            if !Arc::ptr_eq(&newest, &localizer) {
-                localizer = newest;
-                scratch = localizer.scratch();
-            }
-            let features = extractor.extract(&frame.image, None)?;
-            let query = Query::new(&features)
+            let seen = chronotope::robot::Frame::new(&frame.image)
                 .at(frame.stamp)
-                .with_image_size(self.image_size);
-            localizer.localize_into(&mut scratch, &query, &mut answer)?;
+                .with_now(frame.now);
+            robot.see_frame(&seen)?;
             let answer_us = frame.taken.elapsed().as_secs_f64() * 1e6;
-            let found = match answer.decision {
-                Decision::At(node) => Some(localizer.snapshot().node(node).key.clone()),
-                _ => None,
-            };
+            let found = robot.place();
             let truth = &self.world.places()[frame.place];
-            let is_right = found.as_ref() == Some(truth);
             // A covered camera is nowhere.
-            let is_right = is_right && frame.trouble != Some(Trouble::Black);
+            let is_right = found == Some(truth) && frame.trouble != Some(Trouble::Black);
             let is_wrong = found.is_some() && !is_right;
             let count = |part: &mut Part| {
                 part.num_images += 1;
@@ -308,91 +257,47 @@ impl Drive<'_> {
                 part.num_undecided += usize::from(found.is_none());
                 part.answer_us.push(answer_us);
             };
-            self.shared.part(frame.part, count);
+            self.part(frame.part, count);
             if let Some(index) = (TROUBLES.iter()).position(|it| Some(it.1) == frame.trouble) {
-                let mut troubles =
-                    (self.shared.troubles.lock()).unwrap_or_else(PoisonError::into_inner);
+                let mut troubles = (self.troubles.lock()).unwrap_or_else(PoisonError::into_inner);
                 count(&mut troubles[index]);
             }
-            let Some(place) = found else { continue };
-            let lesson = Lesson {
-                part: frame.part,
-                place,
-                now: frame.now,
-                stamp: frame.stamp,
-                gray_range: frame.image.gray_range(None),
-                features,
-            };
-            match to_student.try_send(lesson) {
-                Ok(()) => {}
-                Err(TrySendError::Full(_)) => {
-                    self.shared.part(frame.part, |it| it.num_unlearnt += 1);
-                }
-                Err(TrySendError::Disconnected(_)) => bail!("the student has stopped"),
-            }
-        }
-        Ok(())
-    }
-
-    /// Learns what was located, and publishes what it knows.
-    fn student(&self, lessons: &Receiver<Lesson>, mut learner: Learner, map: &Map) -> Result<()> {
-        let session = SessionId::derive("the drive");
-        let mut published = Instant::now();
-        let mut part = 0;
-        for lesson in lessons {
-            let begun = Instant::now();
-            let observation = Observation {
-                place: lesson.place,
-                session,
-                time: lesson.stamp,
-                features: &lesson.features,
-                image_size: self.image_size,
-                mask: None,
-                source: String::new(),
-            };
-            let circumstances = Circumstances {
-                now: Some(lesson.now),
-                is_live: true,
-                gray_range: lesson.gray_range,
-            };
-            let learnt = learner.observe_under(&observation, &circumstances)?;
-            let observe_us = begun.elapsed().as_secs_f64() * 1e6;
-            self.shared.part(lesson.part, |part| {
-                part.num_learnt += usize::from(learnt.doubt.is_none());
-                part.num_held += usize::from(learnt.doubt.is_some());
-                part.observe_us.push(observe_us);
-            });
-            if published.elapsed() >= COMMIT_EVERY {
-                self.publish(&mut learner, map, lesson.now)?;
-                published = Instant::now();
-            }
-            if lesson.part != part {
-                self.measure(part, map)?;
-                part = lesson.part;
+            self.count_events(&mut robot, frame.part)?;
+            if frame.part != part {
+                self.measure(part, &robot)?;
+                part = frame.part;
                 eprintln!("{part} of {NUM_PARTS} parts");
             }
         }
-        self.publish(&mut learner, map, Time::from_s(0))?;
-        self.measure(part, map)
+        robot.commit()?;
+        self.count_events(&mut robot, part)?;
+        self.measure(part, &robot)
     }
 
-    /// Commits what was learnt, and has the robot go on with it.
-    fn publish(&self, learner: &mut Learner, map: &Map, now: Time) -> Result<()> {
-        let snapshot = learner.snapshot()?;
-        commit(map, &snapshot)?;
-        let newer = self.shared.localizer().with_snapshot(snapshot)?;
-        // So that no image waits for it.
-        newer.prefetch(now);
-        let mut localizer = (self.shared.localizer.lock()).unwrap_or_else(PoisonError::into_inner);
-        *localizer = Arc::new(newer);
+    /// Counts what was learnt meanwhile.
+    fn count_events(&self, robot: &mut Robot, part: usize) -> Result<()> {
+        for event in robot.events() {
+            match event {
+                Event::Learnt { learnt, took, .. } => self.part(part, |part| {
+                    part.num_learnt += usize::from(learnt.doubt.is_none());
+                    part.num_held += usize::from(learnt.doubt.is_some());
+                    part.observe_us.push(took.as_secs_f64() * 1e6);
+                }),
+                Event::Missed { .. } => self.part(part, |part| part.num_unlearnt += 1),
+                Event::NotLearnt { error, .. } | Event::NotCommitted { error, .. } => {
+                    return Err(error.into());
+                }
+                _ => {}
+            }
+        }
         Ok(())
     }
 
-    /// What is held at the end of a part.
-    fn measure(&self, part: usize, map: &Map) -> Result<()> {
-        let map_bytes = map.snapshot().summary().num_bytes;
-        let file_bytes = std::fs::metadata(map.path())?.len();
-        self.shared.part(part, |it| {
+    /// What is in memory and in the file at the end of a part.
+    fn measure(&self, part: usize, robot: &Robot) -> Result<()> {
+        let map_bytes = robot.localizer().snapshot().summary().num_bytes;
+        let file_bytes = std::fs::metadata(robot.path())?.len();
+        self.part(part, |it| {
             it.memory_bytes = memory_bytes().unwrap_or_default();
             it.map_bytes = map_bytes;
             it.file_bytes = file_bytes;
@@ -430,11 +335,7 @@ impl Drive<'_> {
             "file kB",
             "trouble",
         );
-        let parts = self
-            .shared
-            .parts
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let parts = self.parts.lock().unwrap_or_else(PoisonError::into_inner);
         for (index, part) in parts.iter().enumerate() {
             let share = |index: usize| index as f64 / NUM_PARTS as f64;
             let mut answer_us = part.answer_us.clone();
@@ -468,7 +369,7 @@ impl Drive<'_> {
                 troubles.collect::<Vec<_>>().join(", "),
             )?;
         }
-        let troubles = (self.shared.troubles.lock()).unwrap_or_else(PoisonError::into_inner);
+        let troubles = (self.troubles.lock()).unwrap_or_else(PoisonError::into_inner);
         for ((_, trouble), seen) in TROUBLES.iter().zip(troubles.iter()) {
             writeln!(
                 table,
@@ -486,6 +387,7 @@ impl Drive<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use chronotope::map::Map;
 
     #[test]
     fn every_trouble_comes_once_and_goes() {

@@ -1,24 +1,20 @@
 //! Which street is driven, what is its map, and what does it hold?
 
 use std::path::PathBuf;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use chronotope::Time;
 use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
 use chronotope::feature::{ExtractorConfig, Features};
-use chronotope::learn::{BudgetConfig, GuardConfig, LearnConfig, Learner, Observation};
-use chronotope::map::{Map, MapMeta, SessionId, Snapshot, derived_uuid};
+use chronotope::learn::{BudgetConfig, Circumstances, GuardConfig, LearnConfig, Observation};
+use chronotope::map::{Map, MapMeta, SessionId, derived_uuid};
+use chronotope::robot::OnlineLearner;
 
 /// Visits of each place in the first year, and queries of each place.
 pub(super) const NUM_FIRST: usize = 40;
 
 pub(super) const NUM_QUERIES: usize = 20;
-
-/// A file has at most so many generations, and so many are left then.
-const MOST_GENERATIONS: usize = 8;
-
-const KEPT_GENERATIONS: usize = 4;
 
 /// A street, and how much its map may hold.
 #[derive(Clone, Debug, clap::Args)]
@@ -43,8 +39,7 @@ pub struct StreetOptions {
 /// A street and what was learnt of it.
 pub(super) struct Street {
     pub(super) world: World,
-    pub(super) learner: Learner,
-    pub(super) map: Map,
+    pub(super) learner: OnlineLearner,
     /// Width and height of all images, px.
     pub(super) image_size: (u32, u32),
 }
@@ -70,8 +65,11 @@ impl Street {
         let image = world.render(0, Time::from_s(0), 0);
         Ok(Self {
             world,
-            learner: Learner::new(cfg, meta.clone()),
-            map: Map::create(path, meta)?,
+            learner: OnlineLearner::new(
+                Map::create(path, meta)?,
+                cfg.for_building(),
+                Duration::ZERO,
+            )?,
             image_size: (image.width() as u32, image.height() as u32),
         })
     }
@@ -87,10 +85,13 @@ impl Street {
                 street.observe(place, time, &features, &mut times)?;
             }
         }
-        street.store()?;
-        let cfg = street.learner.cfg().clone();
-        let known = (*street.map.snapshot()).clone();
-        street.learner = Learner::resume(cfg.with_guard(GuardConfig::default()), known)?;
+        street.learner.commit()?;
+        let cfg = street.learner.learner().cfg().clone();
+        street.learner = OnlineLearner::new(
+            street.learner.into_map(),
+            cfg.with_guard(GuardConfig::default()),
+            Duration::ZERO,
+        )?;
         Ok((street, times))
     }
 
@@ -103,7 +104,7 @@ impl Street {
         times: &mut Vec<f64>,
     ) -> Result<bool> {
         let start = Instant::now();
-        let learnt = self.learner.observe(&Observation {
+        let observation = Observation {
             place: self.world.places()[place].clone(),
             session: SessionId::derive("soak"),
             time,
@@ -111,26 +112,11 @@ impl Street {
             image_size: self.image_size,
             mask: None,
             source: String::new(),
-        })?;
+        };
+        let learnt = (self.learner).observe(&observation, &Circumstances::default())?;
         times.push(start.elapsed().as_secs_f64() * 1e6);
         Ok(learnt.doubt.is_some())
     }
-
-    /// Commits, and prunes all generations but the newest few.
-    pub(super) fn store(&mut self) -> Result<()> {
-        commit(&self.map, &*self.learner.snapshot()?)
-    }
-}
-
-/// Commits, and prunes all generations but the newest few, where there are many.
-pub(super) fn commit(map: &Map, snapshot: &Snapshot) -> Result<()> {
-    map.replace(snapshot)?;
-    let generations = map.generations()?;
-    if generations.len() > MOST_GENERATIONS {
-        let newest = generations.iter().rev().take(KEPT_GENERATIONS);
-        map.prune(&newest.map(|it| it.number).collect())?;
-    }
-    Ok(())
 }
 
 /// The value below which this share lies; 0 of nothing.

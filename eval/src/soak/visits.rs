@@ -122,7 +122,7 @@ impl Soak {
                 num_held +=
                     usize::from(self.street.observe(0, time(visit), features, &mut times)?);
                 if visit % COMMIT_EVERY == COMMIT_EVERY - 1 {
-                    self.street.store()?;
+                    self.street.learner.commit()?;
                 }
             }
         }
@@ -152,7 +152,7 @@ impl Soak {
             num_features: first.features.len(),
             num_visits: first.visits.len(),
             map_bytes: snapshot.summary().num_bytes,
-            file_bytes: std::fs::metadata(self.street.map.path())?.len(),
+            file_bytes: std::fs::metadata(self.street.learner.map().path())?.len(),
             memory_bytes: memory_bytes(),
             num_held,
             observe_us: [quantile(0.5), quantile(0.99), quantile(1.0)],

@@ -34,7 +34,7 @@ const VISION: [&str; 2] = ["feature", "matching"];
 
 /// Where `unsafe` may stand: vector instructions, and the mapping of files into memory.
 const UNSAFE_ROOM: &str = "src/simd/";
-const UNSAFE_MODULE: &str = "src/map/mapped.rs";
+const UNSAFE_MODULE: &str = "src/map/file/mapped.rs";
 /// And in which tests: one counts allocations, one is a file system for SQLite.
 const UNSAFE_TESTS: [&str; 2] = ["tests/allocation.rs", "tests/it/faulty_disk.rs"];
 

@@ -1,14 +1,14 @@
 //! Where am I, how sure?
 //!
-//! A [`Localizer`] reads one [`Snapshot`] of a map. For each place it predicts what should be
-//! visible at the query's time, matches that with the live image, finds the displacement that most
-//! matches agree on, and scores the place: by the number of matches, by those that agree
-//! ([`Score`]), or by the log odds of "this place" against "another place", to which matched and
-//! missing features both contribute (`evidence/`). What matches are worth is learnt from the map's
-//! own past visits ([`Calibration`]), so that the posterior over places, and over being at none of
-//! them, can be taken at its word; the answer is [`Decision::At`] a place only if the probability
-//! of being wrong is at most [`LocalizerConfig::risk`]. Everything that led to the answer is part
-//! of it ([`Localization`]), so that a dashboard needs nothing else.
+//! A [`Localizer`] reads one [`Snapshot`](crate::map::Snapshot) of a map. For each place it
+//! predicts what should be visible at the query's time, matches that with the live image, finds the
+//! displacement that most matches agree on, and scores the place: by the number of matches, by
+//! those that agree ([`Score`]), or by the log odds of "this place" against "another place", to
+//! which matched and missing features both contribute (`evidence/`). What matches are worth is
+//! learnt from the map's own past visits ([`Calibration`]), so that the posterior over places, and
+//! over being at none of them, can be taken at its word; the answer is [`Decision::At`] a place
+//! only if the probability of being wrong is at most [`LocalizerConfig::risk`]. Everything that led
+//! to the answer is part of it ([`Localization`]), so that a dashboard needs nothing else.
 //!
 //! The experience methods differ in one step only: instead of one predicted map, a place has
 //! several remembered appearances. The best of them speaks for the place where matches are counted;

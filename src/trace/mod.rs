@@ -1,11 +1,11 @@
 //! What does a dashboard need to know of one localisation?
 //!
 //! A [`Trace`] is one JSON object on a line: the picture, its features, the names of all places,
-//! the answer with its evidence ([`Localization`]), and the keypoints that were predicted for each
-//! place. The first line, and every line whose map is another than that of the line before, also
-//! describes the map ([`MapSummary`]): where places are and how they are joined, what the latest
-//! session brought, and the history, p(t) and spectrum of some features. Keypoints are `[x, y,
-//! size, response]` in px.
+//! the answer with its evidence ([`Localization`](crate::localize::Localization)), and the
+//! keypoints that were predicted for each place. The first line, and every line whose map is
+//! another than that of the line before, also describes the map ([`MapSummary`]): where places are
+//! and how they are joined, what the latest session brought, and the history, p(t) and spectrum of
+//! some features. Keypoints are `[x, y, size, response]` in px.
 //!
 //! A reader needs nothing but the lines, and ignores what it does not know: new fields come without
 //! a new [`SCHEMA_VERSION`], and those that came later may be missing from old lines.

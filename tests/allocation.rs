@@ -1,7 +1,11 @@
 //! Does localising allocate once its memory is warm? Does extraction?
 //!
 //! A test target of its own, because the allocator that counts is that of the whole binary.
-#![allow(clippy::unwrap_used, clippy::expect_used)] // reason: a test that cannot prepare itself has failed.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test that cannot prepare itself has failed"
+)]
 #![allow(unsafe_code)] // reason: an allocator is unsafe to write; this one counts and passes on.
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -32,8 +36,8 @@ fn count_one() {
     let _ = NUM_ALLOCATIONS.try_with(|count| count.set(count.get() + 1));
 }
 
-// SAFETY: every call goes to `System` unchanged; counting touches a constant-initialised `Cell` of this
-// thread, which itself never allocates.
+// SAFETY: every call goes to `System` unchanged; counting touches a constant-initialised `Cell` of
+// this thread, which itself never allocates.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count_one();
@@ -138,8 +142,8 @@ fn localising_allocates_nothing_once_warm() {
                         localizer.localize_into(&mut scratch, &query, out).unwrap();
                     }
                 };
-                // More than once: ranking moves the places' buffers around, and each must have grown to
-                // the largest place's evidence.
+                // More than once: ranking moves the places' buffers around, and each must have
+                // grown to the largest place's evidence.
                 for _ in 0..WARM_UP {
                     all(&mut out);
                 }

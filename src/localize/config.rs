@@ -34,15 +34,16 @@ pub enum Method {
     Static,
     /// The n features most likely visible at the query's time (T-RO 2017 VII).
     Fremen,
-    /// The n features that are likely at the query's time and cover those past appearances that are likely
-    /// then: predicted features of predicted experiences, under one budget.
+    /// The n features that are likely at the query's time and cover those past appearances that are
+    /// likely then: predicted features of predicted experiences, under one budget.
     Fused,
     /// The n strongest features of each of its experiences: appearances that were added because
     /// localisation with the ones so far had failed (Churchill & Newman as in T-RO 2017 VII-A).
     Experience,
     /// The n strongest features of every kept visit.
     ExperienceAll,
-    /// `Experience`, with those experiences only that are likely at the query's time (T-RO 2017 VII-A).
+    /// `Experience`, with those experiences only that are likely at the query's time (T-RO 2017
+    /// VII-A).
     Freex,
 }
 
@@ -103,8 +104,8 @@ pub enum Score {
     Count,
     /// The number of matches that agree on one displacement.
     Inliers,
-    /// The log odds of this place against another one, given which predicted features were matched and
-    /// which are missing.
+    /// The log odds of this place against another one, given which predicted features were matched
+    /// and which are missing.
     Likelihood,
 }
 
@@ -163,8 +164,8 @@ pub enum PlaceSearch {
     Auto,
     /// All, whatever the size: nothing is missed.
     Exact,
-    /// In maps of more than 256 places, those whose predicted features find most in the image, by an
-    /// inverted file.
+    /// In maps of more than 256 places, those whose predicted features find most in the image, by
+    /// an inverted file.
     Inverted,
     /// In maps of more than 256 places, those whose binary words are most like the image's, by one
     /// signature a place. Needs the crate's feature `hnsw`.
@@ -365,8 +366,8 @@ impl LocalizerConfig {
         self
     }
 
-    /// Whether what matches are worth is learnt from the map's past visits; without, posteriors are shares
-    /// of the score. The score `likelihood` is made of it, and has it whatever is said here.
+    /// Whether what matches are worth is learnt from the map's past visits; without, posteriors are
+    /// shares of the score. The score `likelihood` is made of it, and has it whatever is said here.
     #[must_use]
     pub fn with_calibrated(mut self, calibrated: bool) -> Self {
         self.0.calibrated = calibrated || self.0.score == Score::Likelihood;
@@ -390,8 +391,8 @@ impl LocalizerConfig {
         self
     }
 
-    /// The probability of being wrong that an answer may have; above 0 and below 1, which is checked where a
-    /// localizer is made.
+    /// The probability of being wrong that an answer may have; above 0 and below 1, which is
+    /// checked where a localizer is made.
     #[must_use]
     pub fn with_risk(mut self, risk: f64) -> Self {
         self.0.risk = risk;
@@ -412,9 +413,10 @@ impl LocalizerConfig {
         self
     }
 
-    /// Predicts once for so many seconds, for their middle, and takes that for all images in them; 0
-    /// predicts for the very time of each image. Ten minutes are the default: 1/36 of the shortest rhythm
-    /// that the preset looks for, so p(t) is off by less than a tenth of that rhythm's amplitude.
+    /// Predicts once for so many seconds, for their middle, and takes that for all images in them;
+    /// 0 predicts for the very time of each image. Ten minutes are the default: 1/36 of the
+    /// shortest rhythm that the preset looks for, so p(t) is off by less than a tenth of that
+    /// rhythm's amplitude.
     #[must_use]
     pub fn with_time_bucket_s(mut self, time_bucket_s: u32) -> Self {
         self.0.time_bucket_s = time_bucket_s;
@@ -428,7 +430,7 @@ impl LocalizerConfig {
         self
     }
 
-    /// The method.
+    /// How each place is turned into what the live image is matched with.
     pub fn method(&self) -> Method {
         self.0.method
     }
@@ -483,8 +485,8 @@ impl LocalizerConfig {
         self.0.candidates
     }
 
-    /// The middle of the bucket that `time` is in; buckets begin at whole multiples of their length since
-    /// the epoch.
+    /// The middle of the bucket that `time` is in; buckets begin at whole multiples of their length
+    /// since the epoch.
     pub fn middle_of_bucket(&self, time: Time) -> Time {
         let length_us = i64::from(self.0.time_bucket_s) * 1_000_000;
         if length_us == 0 {
@@ -494,7 +496,8 @@ impl LocalizerConfig {
         Time::from_us(start_us.saturating_add(length_us / 2))
     }
 
-    /// The middle of the bucket after that of `time`; `None` where every time is a bucket of its own.
+    /// The middle of the bucket after that of `time`; `None` where every time is a bucket of its
+    /// own.
     pub fn middle_of_next_bucket(&self, time: Time) -> Option<Time> {
         let length_us = i64::from(self.0.time_bucket_s) * 1_000_000;
         (length_us > 0).then(|| self.middle_of_bucket(time).plus_us(length_us))
@@ -549,6 +552,15 @@ mod tests {
         }
         let cfg = LocalizerConfig::default().with_risk(f64::NAN);
         assert!(cfg.check().is_err());
+    }
+
+    #[cfg(not(feature = "hnsw"))]
+    #[test]
+    fn signatures_need_their_feature() {
+        let cfg = LocalizerConfig::default().with_place_search(PlaceSearch::Words);
+        let error = cfg.check().expect_err("no graph");
+        assert_eq!(error.kind(), ErrorKind::Config);
+        assert!(error.to_string().contains("hnsw"), "{error}");
     }
 
     #[test]

@@ -1,22 +1,23 @@
 //! What should be visible at every place now?
 //!
-//! Visibility changes over hours, images come ten a second. So time is cut into buckets, and everything that
-//! depends on the time but not on the image is worked out once a bucket: which features are predicted at
-//! each place, where they are, what they look like, and what each says if it is matched or missing. All of
-//! it is laid out place after place, as matching reads it.
+//! Visibility changes over hours, images come ten a second. So time is cut into buckets, and
+//! everything that depends on the time but not on the image is worked out once a bucket: which
+//! features are predicted at each place, where they are, what they look like, and what each says if
+//! it is matched or missing. All of it is laid out place after place, as matching reads it.
 //!
-//! A [`Forecast`] is always made for the *middle* of its bucket, so an answer depends on the bucket of its
-//! time and never on what was asked before. [`Forecasts`] keeps the last two: now, and the bucket to come
-//! ([`Localizer::prefetch`](super::Localizer::prefetch)) or just gone. They belong to the localizer and not to each thread's
-//! [`Scratch`](super::Scratch), because in a large map a forecast takes a second to make and over 100 bytes
-//! a predicted feature to hold; threads share it behind an `Arc`. The lock is held to look it up, never
-//! while one is made: two threads that need the same new forecast at the same moment both make it, and
-//! make the same. A localizer that goes on with a newer map ([`Localizer::with_snapshot`](super::Localizer::with_snapshot)) copies what has not
-//! changed and predicts the rest.
+//! A [`Forecast`] is always made for the *middle* of its bucket, so an answer depends on the bucket
+//! of its time and never on earlier queries. [`Forecasts`] keeps the last two: now, and the
+//! bucket to come ([`Localizer::prefetch`](super::Localizer::prefetch)) or just gone. They belong
+//! to the localizer and not to each thread's [`Scratch`](super::Scratch), because in a large map a
+//! forecast takes a second to make and over 100 bytes a predicted feature to hold; threads share it
+//! behind an `Arc`. The lock is held to look it up, never while one is made: two threads that need
+//! the same new forecast at the same moment both make it, and make the same. A localizer that goes
+//! on with a newer map ([`Localizer::with_snapshot`](super::Localizer::with_snapshot)) copies what
+//! has not changed and predicts the rest.
 //!
-//! Cost: what predicting costs, once a bucket; a lock and a reference count a query. Memory of a forecast
-//! that nobody holds any more is used for the next one, so a thread alone allocates nothing once warm,
-//! but for the lists that candidates of a large map are found in.
+//! Cost: what predicting costs, once a bucket; a lock and a reference count a query. Memory of a
+//! forecast that nobody holds any more is used for the next one, so a thread alone allocates
+//! nothing once warm, but for the lists that candidates of a large map are found in.
 
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -242,7 +243,8 @@ impl Forecast {
     }
 }
 
-/// The last forecasts of one localizer, latest used last, and for which time one was last ordered in advance.
+/// The last forecasts of one localizer, latest used last, and for which time one was last ordered
+/// in advance.
 #[derive(Debug, Default)]
 pub(super) struct Forecasts {
     kept: Mutex<Vec<Arc<Forecast>>>,
@@ -299,7 +301,8 @@ impl Forecasts {
 }
 
 impl Forecasts {
-    /// The predicted maps at `time`, made on the threads of the caller's pool if they are not there.
+    /// The predicted maps at `time`, made on the threads of the caller's pool if they are not
+    /// there.
     pub(super) fn at_by_all(&self, source: ForecastSource<'_>, time: Time) -> Arc<Forecast> {
         if let Some(known) = self.get(time) {
             return known;
@@ -348,8 +351,8 @@ impl Forecasts {
         forecast
     }
 
-    /// Takes over the forecasts of an `older` map with `num_places`, where they still hold; `is_same` says
-    /// which places have not changed since.
+    /// Takes over the forecasts of an `older` map with `num_places`, where they still hold;
+    /// `is_same` says which places have not changed since.
     pub(super) fn take_over(
         &self,
         source: ForecastSource<'_>,

@@ -1,22 +1,24 @@
 //! How does a robot open a large map in a second?
 //!
-//! [`Localizer::open`] keeps what [`Localizer::new`] works out in a file beside the map, the *index cache*, and
-//! reads that the next time: all places with their features and logs, the fitted models, the calibration,
-//! and the words that candidates are found by. What is left is to check it and to lay it out.
+//! [`Localizer::open`] keeps what [`Localizer::new`] works out in a file beside the map, the *index
+//! cache*, and reads that the next time: all places with their features and logs, the fitted
+//! models, the calibration, and the words that candidates are found by. What is left is to check it
+//! and to lay it out.
 //!
-//! The index cache is a cache and never the truth. Its name and its head tell which generation of which map,
-//! which configuration and which version of this crate it was made of ([`Fingerprint`]); one that does not
-//! fit, or that is truncated or damaged, is made anew. Where the folder may not be written, the map opens as
-//! slowly as without. Answers are the same, bit for bit.
+//! The index cache is a cache and never the truth. Its name and its head tell which generation of
+//! which map, which configuration and which version of this crate it was made of ([`Fingerprint`]);
+//! one that does not fit, or that is truncated or damaged, is made anew. Where the folder may not
+//! be written, the map opens as slowly as without. Answers are the same, bit for bit.
 //!
 //! # Format
-//! Little-endian. A head of 64 bytes: magic, version (u32), CRC-32 of the other bytes of the head (u32), the
-//! fingerprint (32 bytes), where the contents begin (u64), their CRC-32 (u32), zero (u32). Then blocks of up
-//! to 64 places, each with a CRC-32 of its own so that threads read them side by side, then the contents:
-//! JSON of what holds for the whole map and of where each block lies. For each feature 32 bytes of
-//! descriptor, 16 of keypoint, and `8 + 18 l` of a model of order l (the mean: 8); a bit for each of its
-//! visits. Kept appearances, 48 bytes a feature, are there only for a method that matches them; which of them
-//! it matches at what time is worked out again.
+//! Little-endian. A head of 64 bytes: magic, version (u32), CRC-32 of the other bytes of the head
+//! (u32), the fingerprint (32 bytes), where the contents begin (u64), their CRC-32 (u32), zero
+//! (u32). Then blocks of up to 64 places, each with a CRC-32 of its own so that threads read them
+//! side by side, then the contents: JSON of what holds for the whole map and of where each block
+//! lies. For each feature 32 bytes of descriptor, 16 of keypoint, and `8 + 18 l` of a model of
+//! order l (the mean: 8); a bit for each of its visits. Kept appearances, 48 bytes a feature, are
+//! there only for a method that matches them; which of them it matches at what time is worked out
+//! again.
 //!
 //! A map with a model that is neither [`Fremen`] nor [`Mean`] has no index cache.
 
@@ -59,8 +61,9 @@ const HEAD_BYTES: usize = 64;
 const PLACES_PER_BLOCK: usize = 64;
 /// Blocks that wait in memory to be written.
 const BLOCKS_PER_WAVE: usize = 16;
-/// A map that takes longer to open has an index cache by [`IndexCache::Auto`]: measured were 0.4 s for 5 places
-/// with 60 visits, for which no file should appear, and 8 s (0.4 s by the index cache) for 6 with 4,644.
+/// A map that takes longer to open has an index cache by [`IndexCache::Auto`]: measured were 0.4 s
+/// for 5 places with 60 visits, for which no file should appear, and 8 s (0.4 s by the index cache)
+/// for 6 with 4,644.
 const SLOW: Duration = Duration::from_secs(1);
 
 /// Index caches that this process has begun to write, so that no two threads write to one file.
@@ -71,7 +74,8 @@ static NUM_PARTS: AtomicU32 = AtomicU32::new(0);
 pub enum IndexCache {
     /// None is read or written.
     Never,
-    /// One that is there is read; one is written where the map took more than a second to open without.
+    /// One that is there is read; one is written where the map took more than a second to open
+    /// without.
     #[default]
     Auto,
     /// One that is there is read, else one is written.
@@ -154,21 +158,22 @@ struct Block {
 }
 
 impl Localizer {
-    /// Opens the map at `path` for localising only, by way of the index cache that lies beside it, which is
-    /// made if it is missing and made anew if it does not fit the map: [`open_with`](Self::open_with) with
-    /// [`IndexCache::Always`].
+    /// Opens the map at `path` for localising only, by way of the index cache that lies beside it,
+    /// which is made if it is missing and made anew if it does not fit the map:
+    /// [`open_with`](Self::open_with) with [`IndexCache::Always`].
     pub fn open(path: impl AsRef<Path>, cfg: LocalizerConfig) -> Result<Self> {
         Self::open_with(path, cfg, IndexCache::Always)
     }
 
-    /// Opens the map at `path` for localising only, by way of the index cache that lies beside it, if there
-    /// is one that fits the map; else one is made, if `cache` says so.
+    /// Opens the map at `path` for localising only, by way of the index cache that lies beside it,
+    /// if there is one that fits the map; else one is made, if `cache` says so.
     ///
-    /// As [`Localizer::new`] on the snapshot of [`Map::open_read_only`], with the same answers; but once there
-    /// is an index cache, the file is not read as a whole, and unless the method matches kept appearances, what
-    /// is left of them is that they were kept: its snapshot is for localising, not for committing, and a
-    /// calibration that is attached to it ([`Localizer::to_attachment`]) does not fit the map. Fails as these
-    /// two do; that an index cache cannot be written is no failure.
+    /// As [`Localizer::new`] on the snapshot of [`Map::open_read_only`], with the same answers; but
+    /// once there is an index cache, the file is not read as a whole, and unless the method matches
+    /// kept appearances, what is left of them is that they were kept: its snapshot is for
+    /// localising, not for committing, and a calibration that is attached to it
+    /// ([`Localizer::to_attachment`]) does not fit the map. Fails as these two do; that an index
+    /// cache cannot be written is no failure.
     pub fn open_with(
         path: impl AsRef<Path>,
         cfg: LocalizerConfig,
@@ -193,8 +198,8 @@ impl Localizer {
         Ok(localizer)
     }
 
-    /// Writes the index cache of this localizer beside the map at `path`, and removes those of older
-    /// generations. What goes wrong costs time the next time and nothing else.
+    /// Writes the index cache of this localizer beside the map at `path`, and removes those of
+    /// older generations. What goes wrong costs time the next time and nothing else.
     fn keep_index_cache(&self, path: &Path) {
         // Another process may have committed since the stamp was read.
         let stamp = Stamp::of(self.snapshot());
@@ -334,8 +339,8 @@ fn digits(hash: &Fingerprint) -> String {
     format!("{first:016x}")
 }
 
-/// Removes the index caches of other generations of the map, and what is left of some that were never finished;
-/// nothing else is named like them.
+/// Removes the index caches of other generations of the map, and what is left of some that were
+/// never finished; nothing else is named like them.
 fn remove_older(map: &Path, stamp: Stamp) {
     let (Some(name), Some(folder)) = (map.file_name().and_then(|it| it.to_str()), map.parent())
     else {

@@ -15,19 +15,20 @@ use fremen::time::Time;
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub struct Localization {
-    /// Every place that was matched, best score first, ties by lowest node: all of them, or in a large map
-    /// those on a short list ([`PlaceSearch`](super::PlaceSearch)); the others count as the last of these.
+    /// Every place that was matched, best score first, ties by lowest node: all of them, or in a
+    /// large map those on a short list ([`PlaceSearch`](super::PlaceSearch)); the others count as
+    /// the last of these.
     pub ranking: Vec<Candidate>,
     /// How many places share the best score; 1 where one place stands alone.
     pub tied: usize,
     /// The posterior probability of being at none of the places; see [`Candidate::posterior`].
     #[serde(rename = "elsewhere")]
     pub off_map: f64,
-    /// What to believe.
+    /// What to believe, given the posteriors and the risk that is allowed.
     pub decision: Decision,
     /// The numbers behind the decision.
     pub reason: Reason,
-    /// Hamming distances computed.
+    /// How many Hamming distances were computed.
     pub pairs_compared: u64,
     /// The query's time; predicted for was the middle of its bucket
     /// ([`LocalizerConfig::with_time_bucket_s`]).
@@ -49,8 +50,8 @@ pub enum Decision {
 }
 
 impl Decision {
-    /// At `node`, the most probable place, if the probability of being wrong is at most `risk`; in the
-    /// map but ambiguous, if that is all that is as sure; unknown otherwise.
+    /// At `node`, the most probable place, if the probability of being wrong is at most `risk`; in
+    /// the map but ambiguous, if that is all that is as sure; unknown otherwise.
     pub fn by_risk(node: NodeId, posterior: f64, off_map: f64, risk: f64) -> Self {
         if 1.0 - posterior <= risk {
             Self::At(node)
@@ -141,14 +142,14 @@ impl fmt::Display for Reason {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct Candidate {
-    /// The place.
+    /// The place that this is said of.
     pub node: NodeId,
     /// What it is ranked by.
     pub score: f64,
     /// The probability of being here, by a calibration on past visits
-    /// ([`Calibration`](super::Calibration)). Where the configuration asks for none, its share
-    /// `(score + 1) / sum of (score + 1)` over all places and being off the map, which scores 0: that orders
-    /// places as the score does, and is no probability of being right.
+    /// ([`Calibration`](super::Calibration)). Where the configuration wants none, its share
+    /// `(score + 1) / sum of (score + 1)` over all places and being off the map, which scores 0:
+    /// that orders places as the score does, and is no probability of being right.
     pub posterior: f64,
     /// The visit whose appearance fits best; `None` for methods that predict one map.
     pub appearance: Option<u32>,
@@ -159,7 +160,7 @@ pub struct Candidate {
     pub probabilities: Vec<f64>,
     /// Predicted features found in the live image, by rank (lttl: by live feature).
     pub matches: Vec<EvidenceMatch>,
-    /// Matches.
+    /// How many features of the place were matched.
     pub num_matches: u32,
     /// Matches that agree on one displacement.
     pub num_inliers: u32,
@@ -240,7 +241,8 @@ impl Localization {
 }
 
 impl Localization {
-    /// Takes over what is believed of each place, by node, and of being off the map, and decides by that.
+    /// Takes over what is believed of each place, by node, and of being off the map, and decides by
+    /// that.
     pub(super) fn follow(&mut self, cfg: &LocalizerConfig, belief: &[f64], off_map: f64) {
         for candidate in &mut self.ranking {
             candidate.posterior = belief[candidate.node.0 as usize];
@@ -288,8 +290,8 @@ impl Candidate {
         self.matches.reserve(features.len());
     }
 
-    /// Takes over the evidence of the predicted map, or of one appearance if it is the first or says
-    /// more than those before.
+    /// Takes over the evidence of the predicted map, or of one appearance if it is the first or
+    /// says more than those before.
     pub(super) fn record(
         &mut self,
         cfg: &LocalizerConfig,

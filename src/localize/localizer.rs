@@ -30,13 +30,13 @@ pub struct Localizer {
 }
 
 impl Localizer {
-    /// Fits the visibility model of every place of `snapshot`, and calibrates what matches are worth on
-    /// its past visits (unless [`LocalizerConfig::calibrated`] says no), or takes the calibration that was
-    /// attached to the map ([`to_attachment`](Self::to_attachment)) and still fits it. Places are fitted on
-    /// the threads of the caller's rayon pool.
+    /// Fits the visibility model of every place of `snapshot`, and calibrates what matches are
+    /// worth on its past visits (unless [`LocalizerConfig::calibrated`] says no), or takes the
+    /// calibration that was attached to the map ([`to_attachment`](Self::to_attachment)) and still
+    /// fits it. Places are fitted on the threads of the caller's rayon pool.
     ///
-    /// Fails with [`ErrorKind::Config`](fremen::ErrorKind::Config) if the map has no places, or none of the
-    /// appearances that the method needs were kept.
+    /// Fails with [`ErrorKind::Config`](fremen::ErrorKind::Config) if the map has no places, or
+    /// none of the appearances that the method needs were kept.
     pub fn new(snapshot: Arc<Snapshot>, cfg: LocalizerConfig) -> Result<Self> {
         let map = PlannedMap::new(snapshot, cfg)?;
         let mut calibration = None;
@@ -65,9 +65,10 @@ impl Localizer {
 
     /// The same on a newer snapshot of its map, for a robot that learns while it localises.
     ///
-    /// Only places that have changed are fitted and predicted again, on the threads of the caller's rayon
-    /// pool; with places that the snapshots share ([`Arc::ptr_eq`]) nothing is done. What matches are worth
-    /// and the words that candidates are found by take many visits to change and are kept.
+    /// Only places that have changed are fitted and predicted again, on the threads of the caller's
+    /// rayon pool; with places that the snapshots share ([`Arc::ptr_eq`]) nothing is done. What
+    /// matches are worth and the words that candidates are found by take many visits to change and
+    /// are kept.
     ///
     /// Fails as [`new`](Self::new) does.
     pub fn with_snapshot(&self, snapshot: Arc<Snapshot>) -> Result<Self> {
@@ -96,8 +97,8 @@ impl Localizer {
         self.calibration.as_deref()
     }
 
-    /// What to attach to the map under the name [`ATTACHMENT`](super::ATTACHMENT), so that a localizer of this
-    /// configuration need not calibrate again; `None` without calibration.
+    /// What to attach to the map under the name [`ATTACHMENT`](super::ATTACHMENT), so that a
+    /// localizer of this configuration need not calibrate again; `None` without calibration.
     ///
     /// Fails with [`ErrorKind::Format`](fremen::ErrorKind::Format) if it cannot be written.
     pub fn to_attachment(&self) -> Result<Option<Arc<[u8]>>> {
@@ -114,7 +115,8 @@ impl Localizer {
 
     /// The same with candidates found in another way; models are not fitted again.
     ///
-    /// Fails with [`ErrorKind::Config`](fremen::ErrorKind::Config) if this crate was built without that way.
+    /// Fails with [`ErrorKind::Config`](fremen::ErrorKind::Config) if this crate was built without
+    /// that way.
     pub fn with_place_search(self, place_search: PlaceSearch) -> Result<Self> {
         self.cfg().clone().with_place_search(place_search).check()?;
         Ok(self.with_cfg(|cfg| cfg.with_place_search(place_search)))
@@ -132,7 +134,7 @@ impl Localizer {
         &self.map.snapshot
     }
 
-    /// How it works.
+    /// The configuration that it works by.
     pub fn cfg(&self) -> &LocalizerConfig {
         &self.map.cfg
     }
@@ -155,11 +157,11 @@ impl Localizer {
         Scratch::default()
     }
 
-    /// Predicts all places for the time bucket of `time` beforehand, on the threads of the caller's rayon
-    /// pool, so that the first image in that bucket need not wait for it.
+    /// Predicts all places for the time bucket of `time` beforehand, on the threads of the caller's
+    /// rayon pool, so that the first image in that bucket need not wait for it.
     ///
-    /// Answers are the same without; the last two buckets are kept. A robot that must not miss a frame calls
-    /// [`prefetch_next`](Self::prefetch_next) instead.
+    /// Answers are the same without; the last two buckets are kept. A robot that must not miss a
+    /// frame calls [`prefetch_next`](Self::prefetch_next) instead.
     pub fn prefetch(&self, time: Time) {
         if self.predicts() {
             self.forecast_by_all(self.map.middle_of_bucket(time));
@@ -168,9 +170,10 @@ impl Localizer {
 
     /// Has `pool` predict all places for the bucket after that of `time`, and returns at once.
     ///
-    /// To be called with every image: only the first call in a bucket orders anything. A pool of one thread
-    /// leaves the other processors to the robot. Answers are the same without; with it, the first image of a
-    /// bucket finds its prediction made, if the pool had a bucket's time to make it.
+    /// To be called with every image: only the first call in a bucket orders anything. A pool of
+    /// one thread leaves the other processors to the robot. Answers are the same without; with it,
+    /// the first image of a bucket finds its prediction made, if the pool had a bucket's time to
+    /// make it.
     pub fn prefetch_next(self: &Arc<Self>, pool: &rayon::ThreadPool, time: Time) {
         if !(self.predicts() && self.cfg().method().needs_time()) {
             return;
@@ -195,9 +198,9 @@ impl Localizer {
 
     /// Ranks the places by how well they explain `query`, and decides.
     ///
-    /// Fails with [`ErrorKind::Time`](fremen::ErrorKind::Time) if the method needs a time and the query has
-    /// none, and with [`ErrorKind::Shape`](fremen::ErrorKind::Shape) if the query's image has another size
-    /// than the map's.
+    /// Fails with [`ErrorKind::Time`](fremen::ErrorKind::Time) if the method needs a time and the
+    /// query has none, and with [`ErrorKind::Shape`](fremen::ErrorKind::Shape) if the query's image
+    /// has another size than the map's.
     pub fn localize_into(
         &self,
         scratch: &mut Scratch,
@@ -212,9 +215,9 @@ impl Localizer {
 
     /// [`localize`](Self::localize)s many images on the threads of the caller's rayon pool.
     ///
-    /// The answers are in the order of the queries, and the same as one by one, for any number of threads.
-    /// Images of one time bucket share its prediction, so they need not be sorted. The first query that
-    /// does not fit is an error, and then nothing is localised.
+    /// The answers are in the order of the queries, and the same as one by one, for any number of
+    /// threads. Images of one time bucket share its prediction, so they need not be sorted. The
+    /// first query that does not fit is an error, and then nothing is localised.
     pub fn localize_batch(&self, queries: &[Query<'_>]) -> Result<Vec<Localization>> {
         let times =
             (queries.iter().map(|query| self.map.check(query))).collect::<Result<Vec<_>>>()?;
@@ -237,8 +240,8 @@ impl Localizer {
         Ok(answers.into_iter().map(|(_, answer)| answer).collect())
     }
 
-    /// Answers a query that fits, at the time to predict for; `forecast` is of that time, where the method
-    /// predicts.
+    /// Answers a query that fits, at the time to predict for; `forecast` is of that time, where the
+    /// method predicts.
     fn answer(
         &self,
         scratch: &mut Scratch,
@@ -263,8 +266,8 @@ impl Localizer {
         (self.predicts()).then(|| self.forecasts.at(self.source(), predicted, time))
     }
 
-    /// Matches the predicted map of each place, or of each candidate, with the live image; verifies and
-    /// scores what matches.
+    /// Matches the predicted map of each place, or of each candidate, with the live image; verifies
+    /// and scores what matches.
     fn match_predicted(
         &self,
         scratch: &mut Scratch,
@@ -305,8 +308,8 @@ impl Localizer {
         });
     }
 
-    /// Matches the remembered appearances of each place with the live image; verifies and scores what
-    /// matches.
+    /// Matches the remembered appearances of each place with the live image; verifies and scores
+    /// what matches.
     fn match_appearances(
         &self,
         scratch: &mut Scratch,
@@ -391,8 +394,8 @@ impl Localizer {
         }
     }
 
-    /// The posterior of each place, and of being off the map, from their scores at `n` features; `None`
-    /// without calibration.
+    /// The posterior of each place, and of being off the map, from their scores at `n` features;
+    /// `None` without calibration.
     ///
     /// An evaluation uses this for scores that it has of a [`Sweep`](super::Sweep).
     pub fn posterior(&self, score: Score, n: usize, scores: &[f64]) -> Option<(Vec<f64>, f64)> {
@@ -405,7 +408,8 @@ impl Localizer {
         Some((posterior, off_map))
     }
 
-    /// The number of features that the scores are made of: n, or what a threshold leaves on average.
+    /// The number of features that the scores are made of: n, or what a threshold leaves on
+    /// average.
     fn typical_size(&self, out: &Localization) -> usize {
         match self.cfg().selection() {
             Selection::Top(n) => n.get(),

@@ -1,8 +1,9 @@
 //! What is each place matched by?
 //!
-//! A [`Plan`] is what can be worked out of a place before any image is seen: the model that its features are
-//! predicted with, or the visits whose appearances are matched. A [`PlannedMap`] is a snapshot with the plans
-//! of all its places and the rules of matching: what every later step reads.
+//! A [`Plan`] is what can be worked out of a place before any image is seen: the model that its
+//! features are predicted with, or the visits whose appearances are matched. A [`PlannedMap`] is a
+//! snapshot with the plans of all its places and the rules of matching: what every later step
+//! reads.
 
 use std::sync::Arc;
 
@@ -39,7 +40,8 @@ pub(super) enum Plan {
         model: Box<dyn VisibilityModel>,
         references: ReferenceVisits,
     },
-    /// The appearances kept at these visits; with a model, those that are likely at the query's time.
+    /// The appearances kept at these visits; with a model, those that are likely at the query's
+    /// time.
     Appearances {
         visits: Vec<u32>,
         likely: Option<Likely>,
@@ -105,8 +107,8 @@ impl PlannedMap {
         }
     }
 
-    /// The same for a newer snapshot of the map; `is_same` says which of its places have not changed and
-    /// keep their plans.
+    /// The same for a newer snapshot of the map; `is_same` says which of its places have not
+    /// changed and keep their plans.
     pub(super) fn with_snapshot(&self, snapshot: Arc<Snapshot>, is_same: &[bool]) -> Result<Self> {
         let plans = (snapshot.nodes.par_iter().zip(is_same).enumerate())
             .map(|(index, (node, &is_same))| {
@@ -120,8 +122,8 @@ impl PlannedMap {
         Self::from_plans(snapshot, self.cfg.clone(), plans)
     }
 
-    /// The time that is predicted for, if the query fits the map: the middle of its bucket, or the epoch
-    /// for methods that do without.
+    /// The time that is predicted for, if the query fits the map: the middle of its bucket, or the
+    /// epoch for methods that do without.
     pub(super) fn check(&self, query: &Query<'_>) -> Result<Time> {
         if let (Some(live), Some(map)) = (query.image_size, self.snapshot.meta.image_size)
             && live != map
@@ -237,9 +239,9 @@ impl Plan {
         })
     }
 
-    /// The visits whose appearances are matched at `time`: all, or with a model those that are at least
-    /// as likely then as at any time. (Without a rhythm that is all of them; T-RO 2017 VII-A uses about
-    /// 100 of 170 and does not say by which rule.)
+    /// The visits whose appearances are matched at `time`: all, or with a model those that are at
+    /// least as likely then as at any time. (Without a rhythm that is all of them; T-RO 2017 VII-A
+    /// uses about 100 of 170 and does not say by which rule.)
     pub(super) fn visits_into(&self, time: Time, scores: &mut Vec<f64>, out: &mut Vec<u32>) {
         out.clear();
         let Self::Appearances { visits, likely } = self else {

@@ -7,8 +7,8 @@ use crate::feature::Features;
 use crate::matching::{Match, MatchScratch};
 use crate::predict::PredictedMap;
 
-/// Memory that a [`Localizer`](super::Localizer) works in; owned by the caller, one for each thread,
-/// and used again and again.
+/// Memory that a [`Localizer`](super::Localizer) works in; owned by the caller, one for each
+/// thread, and used again and again.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     pub(super) predicted: PredictedMap,

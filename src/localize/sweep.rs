@@ -1,9 +1,9 @@
 //! What would the answer have been for other n?
 //!
-//! An evaluation answers every query for many numbers of features n. The features are ranked, so the map
-//! for a smaller n is a prefix of the one for a larger n, and one pass over the distances serves all.
-//! Appearances do not depend on the method, so what they say of a query is kept for the next localizer.
-//! A test holds the scores equal to those of [`Localizer::localize`] for each n.
+//! An evaluation answers every query for many numbers of features n. The features are ranked, so
+//! the map for a smaller n is a prefix of the one for a larger n, and one pass over the distances
+//! serves all. Appearances do not depend on the method, so what they say of a query is kept for the
+//! next localizer. A test holds the scores equal to those of [`Localizer::localize`] for each n.
 
 use super::config::Score;
 use super::evidence::LogMean;
@@ -22,7 +22,7 @@ use fremen::visibility::VisibilityModel;
 /// What speaks for one place at one n.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlaceScores {
-    /// Matches.
+    /// The number of matches.
     pub count: u32,
     /// Matches that agree on one displacement.
     pub inliers: u32,
@@ -41,8 +41,8 @@ impl PlaceScores {
     }
 }
 
-/// The answers to one query for several n, and what localizers of the same snapshot and matching rules
-/// can share about it.
+/// The answers to one query for several n, and what localizers of the same snapshot and matching
+/// rules can share about it.
 #[derive(Clone, Debug)]
 pub struct Sweep {
     sizes: Vec<usize>,
@@ -73,8 +73,8 @@ impl Sweep {
         })
     }
 
-    /// Forgets what is known of the last query; to be called before each new one, and when the snapshot
-    /// or the matching rules change.
+    /// Forgets what is known of the last query; to be called before each new one, and when the
+    /// snapshot or the matching rules change.
     pub fn restart(&mut self) {
         for visit in self.appearances.iter_mut().flatten() {
             visit.clear();
@@ -174,9 +174,9 @@ impl Localizer {
     /// How many of the `top` most likely features of a place are found in the live image (T-RO 2017
     /// VII-C, table I), within the displacement of the reference recipe.
     ///
-    /// Each is looked for by itself: two that find the same live feature both count, since the question
-    /// is whether a predicted feature is visible, not what it says about the place. `None` for methods
-    /// that predict no features.
+    /// Each is looked for by itself: two that find the same live feature both count, since the
+    /// question is whether a predicted feature is visible, not what it says about the place. `None`
+    /// for methods that predict no features.
     pub fn reobserved(
         &self,
         scratch: &mut Scratch,

@@ -1,28 +1,29 @@
 //! Where am I, given where I was?
 //!
 //! A [`Tracker`] is a discrete Bayes filter over the places of a map and "off the map". Between two
-//! images its belief moves by a [`Motion`]; then each hypothesis is multiplied by how likely the new image is there:
+//! images its belief moves by a [`Motion`]; then each hypothesis is multiplied by how likely the
+//! new image is there:
 //!
 //! ```text
 //! moved(l)  = sum over k of belief(k) * P(l | k)
 //! belief(l) ~ moved(l) * P(image | l),    P(image | l) ~ posterior(l) / prior(l)
 //! ```
 //!
-//! with the posterior of the single image ([`Localization`], made with a uniform prior over places and
-//! [`LocalizerConfig::off_map`]). The answer's posteriors become the beliefs, and the decision is
-//! taken anew at the same risk; scores and matches stay those of the image.
+//! with the posterior of the single image ([`Localization`], made with a uniform prior over places
+//! and [`LocalizerConfig::off_map`]). The answer's posteriors become the beliefs, and the decision
+//! is taken anew at the same risk; scores and matches stay those of the image.
 //!
-//! Whatever the motion, a robot may be carried away: with probability [`MotionConfig::kidnap`] an image
-//! is taken anywhere. That bounds how sure the past can be, so a few images at another place always
-//! win: about `ln((1 - kidnap) N / kidnap)` nats of them.
+//! Whatever the motion, a robot may be carried away: with probability [`MotionConfig::kidnap`] an
+//! image is taken anywhere. That bounds how sure the past can be, so a few images at another place
+//! always win: about `ln((1 - kidnap) N / kidnap)` nats of them.
 //!
 //! Cost: O(places + edges) an image, without allocation once warm.
 //!
-//! Source: Bayesian filtering on a topological map as in Cummins & Newman 2008 (FAB-MAP), section 5;
-//! Thrun, Burgard & Fox 2005, chapter 8 (grid localisation and its kidnapped robot).
+//! Source: Bayesian filtering on a topological map as in Cummins & Newman 2008 (FAB-MAP), section
+//! 5; Thrun, Burgard & Fox 2005, chapter 8 (grid localisation and its kidnapped robot).
 //!
-//! Not for: images faster than the scene or the robot changes. Two images of a robot that stands still
-//! share their noise and are counted as two all the same; take one image in a while.
+//! Not for: images faster than the scene or the robot changes. Two images of a robot that stands
+//! still share their noise and are counted as two all the same; take one image in a while.
 
 use std::sync::Arc;
 
@@ -35,11 +36,11 @@ use fremen::error::{Error, ErrorKind, Result};
 
 /// Where may the robot be at the next image?
 ///
-/// Implemented by [`EdgeMotion`], by [`Transitions`] that a user lists, and by whatever else knows how
-/// the robot moves (odometry, a plan).
+/// Implemented by [`EdgeMotion`], by [`Transitions`] that a user lists, and by whatever else knows
+/// how the robot moves (odometry, a plan).
 pub trait Motion: Send + Sync {
-    /// Moves `belief`, which has one entry for each place and sums to at most 1, into `moved`, which has
-    /// as many entries, all 0. What is not handed on has left the map.
+    /// Moves `belief`, which has one entry for each place and sums to at most 1, into `moved`,
+    /// which has as many entries, all 0. What is not handed on has left the map.
     fn advance(&self, belief: &[f64], moved: &mut [f64]);
 
     /// How many places it knows.
@@ -86,8 +87,9 @@ impl TryFrom<MotionFields> for MotionConfig {
 }
 
 impl MotionConfig {
-    /// The probability of still being at a place at the next image; the rest goes along its edges, each
-    /// alike. In [0, 1], as the others are, which is checked where a [`Tracker`] or [`EdgeMotion`] is made.
+    /// The probability of still being at a place at the next image; the rest goes along its edges,
+    /// each alike. In [0, 1], as the others are, which is checked where a [`Tracker`] or
+    /// [`EdgeMotion`] is made.
     #[must_use]
     pub fn with_stay(mut self, stay: f64) -> Self {
         self.0.stay = stay;
@@ -217,8 +219,9 @@ pub struct Transitions(Vec<Vec<(NodeId, f64)>>);
 impl Transitions {
     /// For each place, where the robot is at the next image, with its probability.
     ///
-    /// Fails with [`ErrorKind::Config`] where a probability is outside [0, 1], those of a place sum to
-    /// more than 1, or a place is not one of them. Less than 1 is allowed: the rest has left the map.
+    /// Fails with [`ErrorKind::Config`] where a probability is outside [0, 1], those of a place sum
+    /// to more than 1, or a place is not one of them. Less than 1 is allowed: the rest has left the
+    /// map.
     pub fn new(rows: Vec<Vec<(NodeId, f64)>>) -> Result<Self> {
         let num_places = rows.len();
         for (from, row) in rows.iter().enumerate() {
@@ -228,7 +231,10 @@ impl Transitions {
             if !row.iter().all(is_valid) || total > 1.0 + 1e-9 {
                 return Err(Error::new(
                     ErrorKind::Config,
-                    format!("the motion from node {from} is no distribution over {num_places} places: {row:?}"),
+                    format!(
+                        "the motion from node {from} is no distribution over {num_places} places: \
+                         {row:?}"
+                    ),
                 )
                 .with_help("give each place probabilities that sum to at most 1"));
             }
@@ -282,7 +288,8 @@ impl Tracker {
         Self::with_motion(Arc::new(EdgeMotion::new(snapshot, &cfg)?), cfg)
     }
 
-    /// A robot that may be anywhere and moves as `motion` says; of `cfg`, everything but `stay` holds.
+    /// A robot that may be anywhere and moves as `motion` says; of `cfg`, everything but `stay`
+    /// holds.
     ///
     /// Fails with [`ErrorKind::Config`] where a number of `cfg` is no probability.
     pub fn with_motion(motion: Arc<dyn Motion>, cfg: MotionConfig) -> Result<Self> {
@@ -311,11 +318,11 @@ impl Tracker {
         self.belief.clear();
     }
 
-    /// Takes the next image's answer into account: its posteriors, decision and reason become those of
-    /// the whole way, and the ranking follows them. `cfg` is that of the localizer that gave it.
+    /// Takes the next image's answer into account: its posteriors, decision and reason become those
+    /// of the whole way, and the ranking follows them. `cfg` is that of the localizer that gave it.
     ///
-    /// Fails with [`ErrorKind::Config`] if the answer is of a localizer without calibrated likelihoods,
-    /// and with [`ErrorKind::Shape`] if it ranks other places than the motion knows.
+    /// Fails with [`ErrorKind::Config`] if the answer is of a localizer without calibrated
+    /// likelihoods, and with [`ErrorKind::Shape`] if it ranks other places than the motion knows.
     pub fn update(&mut self, cfg: &LocalizerConfig, answer: &mut Localization) -> Result<()> {
         if cfg.score() != Score::Likelihood {
             return Err(Error::new(
@@ -367,8 +374,8 @@ impl Tracker {
         Ok(())
     }
 
-    /// What the image alone says of each place, against its prior. In a large map only a short list of
-    /// places is ranked; all others fit at most as badly as the worst of these.
+    /// What the image alone says of each place, against its prior. In a large map only a short list
+    /// of places is ranked; all others fit at most as badly as the worst of these.
     fn compare(&mut self, off_map: f64, answer: &Localization) {
         let prior = (1.0 - off_map) / answer.ranking.len().max(1) as f64;
         let least = (answer.ranking.iter())
@@ -588,7 +595,10 @@ mod tests {
         #[test]
         fn beliefs_are_those_of_all_ways(
             images in prop::collection::vec(prop::collection::vec(0.01..5.0_f64, 4), 1..4),
-            stay in 0.0..1.0_f64, kidnap in 0.001..0.5_f64, leave in 0.0..0.5_f64, enter in 0.0..1.0_f64,
+            stay in 0.0..1.0_f64,
+            kidnap in 0.001..0.5_f64,
+            leave in 0.0..0.5_f64,
+            enter in 0.0..1.0_f64,
         ) {
             let motion_cfg = MotionConfig::default()
                 .with_stay(stay).with_kidnap(kidnap).with_leave(leave).with_enter(enter);

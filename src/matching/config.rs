@@ -88,7 +88,8 @@ impl From<Window> for WindowFields {
 
 /// The rules of a [`Matcher`](super::Matcher); the module says in which order they apply.
 ///
-/// In a file, keys are in kebab case, and those left out have the value of [`MatchConfig::default`].
+/// In a file, keys are in kebab case, and those left out have the value of
+/// [`MatchConfig::default`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "MatchConfigBuilder", into = "MatchConfigBuilder")]
 pub struct MatchConfig(MatchConfigBuilder);
@@ -283,7 +284,8 @@ impl MatchConfig {
 
 /// Whether `nearest` passes Lowe's ratio test: best < `ratio` * second, strictly, in f64.
 ///
-/// Without a nearest feature it fails; with a nearest but no second one the answer is `accept_lone`.
+/// Without a nearest feature it fails; with a nearest but no second one the answer is
+/// `accept_lone`.
 #[inline]
 pub fn passes_ratio(nearest: &NearestTwo, ratio: f64, accept_lone: bool) -> bool {
     if nearest.has_second() {

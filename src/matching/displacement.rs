@@ -4,13 +4,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::feature::Keypoint;
 
-/// How far a live keypoint lies from its map keypoint: live - map, px; `dx` to the right, `dy` down.
+/// How far a live keypoint lies from its map keypoint: live - map, px; `dx` to the right, `dy`
+/// down.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct Displacement {
-    /// Columns.
+    /// Columns to the right, px.
     pub dx_px: f64,
-    /// Rows.
+    /// Rows down, px.
     pub dy_px: f64,
 }
 

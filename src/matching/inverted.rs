@@ -1,24 +1,24 @@
 //! Which rows of a large set are nearest, without a distance to each of them?
 //!
-//! An [`InvertedFile`] puts every row into the list of its nearest centroid and searches the lists of
-//! the `probes` centroids that are nearest to the query. With `m` rows in `c` lists a query costs
-//! `c + m * probes / c` distances instead of `m`; `c` near `4 sqrt(m)` is a good start. Centroids are
-//! the majority, bit by bit, of the rows of their list, found by a few rounds of Lloyd's algorithm on a
-//! sample (k-means for Hamming distance; Sivic and Zisserman's inverted file, ICCV 2003, over binary
-//! words).
+//! An [`InvertedFile`] puts every row into the list of its nearest centroid and searches the lists
+//! of the `probes` centroids that are nearest to the query. With `m` rows in `c` lists a query
+//! costs `c + m * probes / c` distances instead of `m`; `c` near `4 sqrt(m)` is a good start.
+//! Centroids are the majority, bit by bit, of the rows of their list, found by a few rounds of
+//! Lloyd's algorithm on a sample (k-means for Hamming distance; Sivic and Zisserman's inverted
+//! file, ICCV 2003, over binary words).
 //!
-//! Queries are not answered one after the other: all that probe one list go over it together, so that a
-//! list is read once and the kernels' several queries a pass are used.
+//! Queries are not answered one after the other: all that probe one list go over it together, so
+//! that a list is read once and the kernels' several queries a pass are used.
 //!
-//! [`NearestNeighbours`] is what both this and the [`ExactSearch`] answer; the exact one is the oracle,
-//! and the inverted file equals it where `probes` is the number of lists.
+//! [`NearestNeighbours`] is what both this and the [`ExactSearch`] answer; the exact one is the
+//! oracle, and the inverted file equals it where `probes` is the number of lists.
 //!
 //! Invariants: the answer depends on rows, configuration and query alone, not on the kernel or the
-//! other queries; ties go to the lowest row; nothing is allocated once a [`SearchScratch`] has seen the
-//! largest input. Memory: 36 bytes a row, and 7 empty rows a list on average.
+//! other queries; ties go to the lowest row; nothing is allocated once a [`SearchScratch`] has seen
+//! the largest input. Memory: 36 bytes a row, and 7 empty rows a list on average.
 //!
-//! Not for: sets under some ten thousand rows, where the exact search is as fast, and rows that come
-//! and go: it is built once.
+//! Not for: sets under some ten thousand rows, where the exact search is as fast, and rows that
+//! come and go: it is built once.
 
 use crate::feature::Descriptor;
 use crate::simd::{Kernel, NearestTwo, PackedDescriptors};
@@ -123,7 +123,7 @@ impl BinaryWords {
         (0..self.len()).map(|word| Descriptor(self.centroids.row(word)))
     }
 
-    /// How many words.
+    /// How many words there are.
     pub fn len(&self) -> usize {
         self.centroids.len()
     }
@@ -160,7 +160,8 @@ pub struct InvertedFile {
 impl InvertedFile {
     /// Over `rows` in at most `num_lists` lists, of which `probes` are searched.
     ///
-    /// Either count at 0 is an [`ErrorKind::Config`] error; more lists than rows are as many as rows.
+    /// Either count at 0 is an [`ErrorKind::Config`] error; more lists than rows are as many as
+    /// rows.
     pub fn new(rows: &[Descriptor], num_lists: usize, probes: usize) -> Result<Self> {
         Self::with_kernel(rows, num_lists, probes, Kernel::best())
     }
@@ -239,8 +240,9 @@ impl InvertedFile {
         self.lists.len()
     }
 
-    /// Calls `found(row, bits)` for every row within `max_bits` of some query, among the lists searched
-    /// for it; a row that is near to several queries is named several times. By list, query and row.
+    /// Calls `found(row, bits)` for every row within `max_bits` of some query, among the lists
+    /// searched for it; a row that is near to several queries is named several times. By list,
+    /// query and row.
     pub fn rows_within(
         &self,
         scratch: &mut SearchScratch,
@@ -277,7 +279,8 @@ impl InvertedFile {
         visits.sort_unstable();
     }
 
-    /// Appends (list, `query`) of the lists to search: those whose centroids are nearest, ties by list.
+    /// Appends (list, `query`) of the lists to search: those whose centroids are nearest, ties by
+    /// list.
     fn choose_lists(&self, query: u32, distances: &[u16], visits: &mut Vec<(u32, u32)>) {
         let mut counts = [0_usize; 257];
         for &bits in distances {

@@ -49,7 +49,7 @@ impl Matcher {
         Self { cfg, kernel }
     }
 
-    /// The rules.
+    /// The rules that it pairs descriptors by.
     pub fn cfg(&self) -> &MatchConfig {
         &self.cfg
     }
@@ -69,12 +69,12 @@ impl Matcher {
         });
     }
 
-    /// The matches between the first `checkpoints[c]` features of `map` and `live`, for every `c`, with
-    /// every distance computed once (twice for the mutual check).
+    /// The matches between the first `checkpoints[c]` features of `map` and `live`, for every `c`,
+    /// with every distance computed once (twice for the mutual check).
     ///
     /// Calls `sink(c, matches)` in ascending order of `c` with what
-    /// [`matches_into`](Self::matches_into) gives for that prefix of the map. A checkpoint beyond the
-    /// last feature means all.
+    /// [`matches_into`](Self::matches_into) gives for that prefix of the map. A checkpoint beyond
+    /// the last feature means all.
     ///
     /// # Panics
     /// If `checkpoints` descends somewhere.
@@ -142,12 +142,13 @@ impl Matcher {
         }
     }
 
-    /// The matches between each part of `map` and `live`: the first part ends before feature `ends[0]`,
-    /// each next one begins where the one before ended. In a large map each part is a place.
+    /// The matches between each part of `map` and `live`: the first part ends before feature
+    /// `ends[0]`, each next one begins where the one before ended. In a large map each part is a
+    /// place.
     ///
     /// Calls `sink(part, matches)` in ascending order of parts with what
-    /// [`matches_into`](Self::matches_into) gives for the part alone, with features counted from its
-    /// first. The live features are laid out for the kernels once, not once a part.
+    /// [`matches_into`](Self::matches_into) gives for the part alone, with features counted from
+    /// its first. The live features are laid out for the kernels once, not once a part.
     ///
     /// # Panics
     /// If `ends` descends somewhere or leads beyond the last feature.
@@ -225,9 +226,9 @@ impl Matcher {
     /// The matches if the map consisted of the features `ids` only, from `nearest` computed once by
     /// [`nearest_live_into`](Self::nearest_live_into); ordered as `ids`, in `O(ids)` time.
     ///
-    /// The querying side is the map, whatever [`direction`](MatchConfig::direction) says, and the mutual
-    /// check is left out: both would need the map's other features to be forgotten. The rules
-    /// threshold, ratio, window and unique apply.
+    /// The querying side is the map, whatever [`direction`](MatchConfig::direction) says, and the
+    /// mutual check is left out: both would need the map's other features to be forgotten. The
+    /// rules threshold, ratio, window and unique apply.
     ///
     /// # Panics
     /// If an id is not below the map's number of features.
@@ -266,8 +267,8 @@ impl Matcher {
         self.kernel.nearest_two(queries, packed, out);
     }
 
-    /// Rules 2 to 6 for `queried`: (querying id, its nearest two). `answered`, where the mutual check is
-    /// wanted, holds the nearest two of the answering side.
+    /// Rules 2 to 6 for `queried`: (querying id, its nearest two). `answered`, where the mutual
+    /// check is wanted, holds the nearest two of the answering side.
     #[allow(clippy::too_many_arguments)] // reason: the parts of one scratch, borrowed apart.
     fn choose(
         &self,

@@ -1,9 +1,9 @@
 //! Has the map this live feature already, by the reference recipe?
 //!
-//! The recipe of the field's public benchmark compares both ways: the two nearest map features of each
-//! live feature, and the two nearest live features of each map feature, and applies the ratio test to
-//! each. This is *not* a mutual check: the nearest of the nearest may be another feature. For live
-//! feature `i` with nearest map feature `j`:
+//! The recipe of the field's public benchmark compares both ways: the two nearest map features of
+//! each live feature, and the two nearest live features of each map feature, and applies the ratio
+//! test to each. This is *not* a mutual check: the nearest of the nearest may be another feature.
+//! For live feature `i` with nearest map feature `j`:
 //!
 //! - `forward`: `i` passes the ratio test among the map's features;
 //! - `backward`: `j` passes the ratio test among the live features;
@@ -128,7 +128,7 @@ pub struct TwoWay {
 }
 
 impl TwoWay {
-    /// Nothing compared yet.
+    /// Memory in which nothing is compared yet.
     pub fn new() -> Self {
         Self::default()
     }

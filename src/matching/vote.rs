@@ -1,19 +1,20 @@
 //! On which displacement do most matches agree?
 //!
-//! A camera that passes a place again sees it shifted as a whole, so true matches share a displacement
-//! `(dx, dy) = live - map` up to parallax, while false ones scatter. Of all closed windows of
-//! `width x height` px in the plane of displacements, [`vote_displacement`] finds one that holds most
-//! matches, exactly: no grid, no cells that split a cluster.
+//! A camera that passes a place again sees it shifted as a whole, so true matches share a
+//! displacement `(dx, dy) = live - map` up to parallax, while false ones scatter. Of all closed
+//! windows of `width x height` px in the plane of displacements, [`vote_displacement`] finds one
+//! that holds most matches, exactly: no grid, no cells that split a cluster.
 //!
-//! Method: every window can be moved, without losing a match, until its left and upper edges touch one;
-//! so it suffices to slide the left edge over the sorted `dx` while the matches inside are kept sorted
-//! by `dy`, and the upper edge over those. `O(m k)` time for `m` matches of which `k` share a window's
-//! width; left edges that cannot win are passed over.
+//! Method: every window can be moved, without losing a match, until its left and upper edges touch
+//! one; so it suffices to slide the left edge over the sorted `dx` while the matches inside are
+//! kept sorted by `dy`, and the upper edge over those. `O(m k)` time for `m` matches of which `k`
+//! share a window's width; left edges that cannot win are passed over.
 //!
 //! Invariants: the inliers are all matches within the smallest rectangle around them; adding one
 //! constant to all displacements changes no count; among windows of equal count the one whose
-//! rectangle's centre has the smallest `|dx| + |dy|` wins, then the lowest `dx`, then the lowest `dy`.
-//! (Two different sets of equal, largest count never share a centre: one window would hold both.)
+//! rectangle's centre has the smallest `|dx| + |dy|` wins, then the lowest `dx`, then the lowest
+//! `dy`. (Two different sets of equal, largest count never share a centre: one window would hold
+//! both.)
 //!
 //! Not for: rotation, scale, more than one displacement.
 
@@ -144,7 +145,7 @@ impl VoteConfig {
 pub struct Vote {
     /// Matches in the winning window.
     pub num_inliers: u32,
-    /// Their mean displacement.
+    /// The mean displacement of the inliers.
     pub mean: Displacement,
     /// Their median `dx` and median `dy` (mean of the middle two for an even number).
     pub median: Displacement,
@@ -208,9 +209,9 @@ pub fn vote_displacement(
     vote(cfg, scratch, displacements.iter().copied())
 }
 
-/// As [`vote_displacement`], for `displacements[ids[0]]`, `displacements[ids[1]]`, ... only; the inliers
-/// are in the order of `ids`. So the displacements of one place can be computed once and voted on for
-/// every selection of its features.
+/// As [`vote_displacement`], for `displacements[ids[0]]`, `displacements[ids[1]]`, ... only; the
+/// inliers are in the order of `ids`. So the displacements of one place can be computed once and
+/// voted on for every selection of its features.
 ///
 /// # Panics
 /// If an id is not below the number of displacements.

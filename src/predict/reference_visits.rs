@@ -1,12 +1,12 @@
 //! Which past visits can vouch for a feature?
 //!
-//! Features of a place do not appear independently: those of its snowy visits come together, those of
-//! its nights do. [`ReferenceVisits`] keeps, for at most 64 visits of a place, which features each saw, as one
-//! word a feature; that is what a covering choice and a mixture over past appearances need to know of
-//! the log.
+//! Features of a place do not appear independently: those of its snowy visits come together, those
+//! of its nights do. [`ReferenceVisits`] keeps, for at most 64 visits of a place, which features
+//! each saw, as one word a feature; that is what a covering choice and a mixture over past
+//! appearances need to know of the log.
 //!
-//! The visits are spread evenly over the place's visits in order of arrival, the middle one of each of
-//! up to 64 equal runs. Cost: O(features + visits x features / 64), 8 bytes a feature.
+//! The visits are spread evenly over the place's visits in order of arrival, the middle one of each
+//! of up to 64 equal runs. Cost: O(features + visits x features / 64), 8 bytes a feature.
 //!
 //! Not for histories: times are not kept.
 
@@ -44,11 +44,12 @@ impl ReferenceVisits {
         })
     }
 
-    /// How likely each visit's appearance is now, against the likeliest: `(m_v / max m)^2`, where `m_v` is
-    /// the mean of `scores` (p of every feature at the time), within [0, 1], over the features that v saw.
+    /// How likely each visit's appearance is now, against the likeliest: `(m_v / max m)^2`, where
+    /// `m_v` is the mean of `scores` (p of every feature at the time), within [0, 1], over the
+    /// features that v saw.
     ///
-    /// The idea of FreEx (T-RO 2017 VII-A), with a place's features to say which visits are like now
-    /// instead of a spectrum for each experience. Cost: O(features x visits).
+    /// The idea of FreEx (T-RO 2017 VII-A), with a place's features to say which visits are like
+    /// now instead of a spectrum for each experience. Cost: O(features x visits).
     ///
     /// # Panics
     /// If there is not one score for each feature.

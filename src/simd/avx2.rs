@@ -1,7 +1,7 @@
 //! How does AVX2 count? By looking up both nibbles of every byte, eight rows at once.
 //!
-//! The lookup is the one of Muła, Kurz and Lemire (2018); byte counts of the four words of a row are
-//! added (at most 32) before one horizontal sum.
+//! The lookup is the one of Muła, Kurz and Lemire (2018); byte counts of the four words of a row
+//! are added (at most 32) before one horizontal sum.
 
 use std::arch::x86_64::{
     __m256i, _mm256_add_epi8, _mm256_add_epi32, _mm256_add_epi64, _mm256_and_si256,
@@ -73,7 +73,8 @@ fn pass<const N: usize>(
                 _mm256_set1_epi32(first_row.cast_signed()),
             );
             if first_row < rows.start || first_row + ROWS_PER_HALF as u32 > rows.end {
-                // All ones, once merged into a key, make the key of a row outside the range `NO_KEY`.
+                // All ones, once merged into a key, make the key of a row outside the range
+                // `NO_KEY`.
                 let below = _mm256_cmpgt_epi32(before, row);
                 let inside = _mm256_andnot_si256(below, _mm256_cmpgt_epi32(end, row));
                 row = _mm256_or_si256(row, _mm256_andnot_si256(inside, no_key));
@@ -129,7 +130,8 @@ fn distances_of_half(query: &Spread, group: &Group, half: usize) -> (__m256i, __
         let mut counts = _mm256_setzero_si256();
         for (word, &query) in query.iter().enumerate() {
             let words = &words[4 * word + 2 * parity + half];
-            // SAFETY: `words` are 32 readable bytes, on a multiple of 32 because `Group` is aligned so.
+            // SAFETY: `words` are 32 readable bytes, on a multiple of 32 because `Group` is aligned
+            // so.
             let words = unsafe { _mm256_load_si256(words.as_ptr().cast()) };
             counts = _mm256_add_epi8(counts, byte_counts(_mm256_xor_si256(words, query)));
         }

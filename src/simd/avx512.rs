@@ -1,17 +1,18 @@
 //! How does AVX-512 with VPOPCNTDQ count? Sixteen rows at once, several queries per pass.
 //!
-//! While a query has no two neighbours yet, the two best of each lane are kept ([`two_smallest_keys`]).
-//! From then on a group is only asked whether one of its rows is nearer than the second best so far
-//! ([`integrate_nearer`]): one minimum and one comparison in place of six operations. Every group that says yes
-//! lowers the sum of the two best distances, so that there are at most 512 of them for a query, whatever
-//! the rows are; of 40,000 real descriptors there are about six.
+//! While a query has no two neighbours yet, the two best of each lane are kept
+//! ([`two_smallest_keys`]). From then on a group is only asked whether one of its rows is nearer
+//! than the second best so far ([`integrate_nearer`]): one minimum and one comparison in place of
+//! six operations. Every group that says yes lowers the sum of the two best distances, so that
+//! there are at most 512 of them for a query, whatever the rows are; of 40,000 real descriptors
+//! there are about six.
 //!
-//! What else was tried at 500 x 40,000 on Zen 4, side by side in processor time, as many times as fast as keys
-//! alone: this 1.18 (the popcounts alone would be 1.27); one question for two groups 1.12; the rows in
-//! registers and the queries passing by 1.12, in 16-bit lanes with 15 words added by carry-save 1.14;
-//! carry-save of three words here 1.05, because popcounts are not what is short; prefetching 1.17; blocks of
-//! 512 to 4,096 rows within 2 %; asking after three of four words, which 95 % of the groups fail, 0.75,
-//! because the other 5 % cannot be foretold.
+//! What else was tried at 500 x 40,000 on Zen 4, side by side in processor time, as many times as
+//! fast as keys alone: this 1.18 (the popcounts alone would be 1.27); one question for two groups
+//! 1.12; the rows in registers and the queries passing by 1.12, in 16-bit lanes with 15 words added
+//! by carry-save 1.14; carry-save of three words here 1.05, because popcounts are not what is
+//! short; prefetching 1.17; blocks of 512 to 4,096 rows within 2 %; asking after three of four
+//! words, which 95 % of the groups fail, 0.75, because the other 5 % cannot be foretold.
 
 use std::arch::x86_64::{
     __m256i, __m512i, __mmask16, _mm256_storeu_si256, _mm512_add_epi32, _mm512_add_epi64,
@@ -30,8 +31,8 @@ use super::packed::{Group, ROWS_PER_GROUP};
 /// Queries whose state stays in registers while a group of rows is read once.
 const QUERIES_PER_PASS: usize = 4;
 
-/// The same where only the second best distance of a query is kept beside its words. With a fourth query
-/// registers run out, and time depends on where the stack lies.
+/// The same where only the second best distance of a query is kept beside its words. With a fourth
+/// query registers run out, and time depends on where the stack lies.
 const QUERIES_PER_CHECK: usize = 3;
 
 /// A query's words, each in every lane.
@@ -126,8 +127,8 @@ fn step<const N: usize>(
     }
 }
 
-/// Takes `rows`, counted from `groups[0]`, into the two nearest of each query; row 0 has the number `base`,
-/// and every row a higher number than those taken before.
+/// Takes `rows`, counted from `groups[0]`, into the two nearest of each query; row 0 has the number
+/// `base`, and every row a higher number than those taken before.
 ///
 /// Exact for every state; fast if there are two neighbours already.
 #[target_feature(enable = "avx512f,avx512vpopcntdq")]
@@ -178,7 +179,8 @@ fn check<const N: usize>(
     }
 }
 
-/// Takes those rows of a group that are nearer than the second best, and inside `rows`, into the two nearest.
+/// Takes those rows of a group that are nearer than the second best, and inside `rows`, into the
+/// two nearest.
 #[target_feature(enable = "avx512f")]
 #[cold]
 #[inline(never)]

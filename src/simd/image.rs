@@ -1,8 +1,8 @@
 //! How fast are the rows of an image summed, filtered and searched on this CPU?
 //!
-//! Loops over pixels that touch no neighbour of what they write: plain Rust, written once so that the
-//! compiler makes vectors of them, and compiled once for every [`Kernel`]. The order of every sum is
-//! that of the source, and nothing is contracted, so that all kernels give the same bits.
+//! Loops over pixels that touch no neighbour of what they write: plain Rust, written once so that
+//! the compiler makes vectors of them, and compiled once for every [`Kernel`]. The order of every
+//! sum is that of the source, and nothing is contracted, so that all kernels give the same bits.
 //!
 //! The meaning of the numbers is `feature`'s affair (STAR, BRIEF); here they are rows.
 //!
@@ -42,7 +42,8 @@ pub(crate) struct CentreSurround {
     pub(crate) per_ring: f32,
 }
 
-/// Three integral images of one shape, the stars that are summed in them and the filters over those.
+/// Three integral images of one shape, the stars that are summed in them and the filters over
+/// those.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FilterBank<'a> {
     pub(crate) upright: &'a [u32],
@@ -76,7 +77,8 @@ macro_rules! for_every_kernel {
                     // SAFETY: a kernel of this kind exists only after its CPU feature was detected.
                     Kind::Avx2 => unsafe { for_avx2::$name($($argument),*) },
                     #[cfg(target_arch = "x86_64")]
-                    // SAFETY: a kernel of this kind exists only after its CPU features were detected.
+                    // SAFETY: a kernel of this kind exists only after its CPU features were
+                    // detected.
                     Kind::Avx512 => unsafe { for_avx512::$name($($argument),*) },
                     // NEON is part of the instructions that aarch64 is always compiled for.
                     _ => plain::$name($($argument),*),
@@ -126,7 +128,8 @@ for_every_kernel! {
         lowest: &mut [f32],
     );
 
-    /// `marks[i]` = 1 where `row[i]` is one of the extremes that surround it and keeps `rule`, else 0.
+    /// `marks[i]` = 1 where `row[i]` is one of the extremes that surround it and keeps `rule`, else
+    /// 0.
     fn mark_extremes(
         row: &[f32],
         sizes: &[u8],
@@ -276,8 +279,8 @@ mod plain {
         for i in 0..N {
             let ring = outer[i].wrapping_sub(inner[i]);
             let response = inner[i] as f32 * filter.per_inner - ring as f32 * filter.per_ring;
-            // Magnitudes compare as their bits do, and a choice by mask needs no branch: this is what
-            // makes the loop a vector loop.
+            // Magnitudes compare as their bits do, and a choice by mask needs no branch: this is
+            // what makes the loop a vector loop.
             let (new, old) = (response.to_bits(), best[i].to_bits());
             let mask = u32::from(magnitude(new) > magnitude(old)).wrapping_neg();
             best[i] = f32::from_bits(new & mask | old & !mask);

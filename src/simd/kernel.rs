@@ -47,9 +47,9 @@ impl Kernel {
 
     /// The fastest kernel this CPU can run, or the one that [`KERNEL_VARIABLE`] asks for.
     ///
-    /// A value of the variable that cannot be used is ignored here, because answers do not depend on
-    /// the kernel; a command calls [`from_env`](Self::from_env) once at its start to report it. The
-    /// variable is read once per process.
+    /// A value of the variable that cannot be used is ignored here, because answers do not depend
+    /// on the kernel; a command calls [`from_env`](Self::from_env) once at its start to report it.
+    /// The variable is read once per process.
     pub fn best() -> Self {
         static BEST: OnceLock<Kernel> = OnceLock::new();
         *BEST.get_or_init(|| Self::from_env().unwrap_or_else(|_| Self::detect()))

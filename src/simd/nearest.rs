@@ -12,12 +12,12 @@ pub(super) type LaneKeys = [[u32; ROWS_PER_GROUP]; 2];
 
 /// The nearest and second nearest train row of one query.
 ///
-/// Ordered by (distance, row), so ties are won by the lowest row. With fewer than two rows the missing
-/// ids are [`NONE`](Self::NONE) and the missing distances [`NO_DISTANCE_BITS`](Self::NO_DISTANCE_BITS),
-/// which is greater than every distance.
+/// Ordered by (distance, row), so ties are won by the lowest row. With fewer than two rows the
+/// missing ids are [`NONE`](Self::NONE) and the missing distances
+/// [`NO_DISTANCE_BITS`](Self::NO_DISTANCE_BITS), which is greater than every distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct NearestTwo {
-    /// The nearest row.
+    /// The number of the nearest row.
     pub best: u32,
     /// The second nearest row.
     pub second: u32,

@@ -61,7 +61,7 @@ pub struct PackedDescriptors {
 }
 
 impl PackedDescriptors {
-    /// No rows.
+    /// A set without rows.
     pub const fn new() -> Self {
         Self {
             groups: Vec::new(),
@@ -116,7 +116,7 @@ impl PackedDescriptors {
         self.len = 0;
     }
 
-    /// How many rows.
+    /// How many rows there are.
     pub fn len(&self) -> usize {
         self.len
     }

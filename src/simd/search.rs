@@ -56,15 +56,16 @@ impl Kernel {
         self.scan_packed(queries, train, rows, out);
     }
 
-    /// The two nearest among the first `checkpoints[c]` rows of `train`, for every `c`, in one pass.
+    /// The two nearest among the first `checkpoints[c]` rows of `train`, for every `c`, in one
+    /// pass.
     ///
     /// Calls `sink(c, state)` in ascending order of `c`, where `state[i]` is what
     /// [`nearest_two`](Self::nearest_two) gives for `queries[i]` and `train[..checkpoints[c]]`. A
     /// checkpoint beyond the last row means all rows. `state` is overwritten.
     ///
     /// # Panics
-    /// If `state` has another length than `queries`, `checkpoints` descends somewhere, or `train` has
-    /// more than `u32::MAX` rows.
+    /// If `state` has another length than `queries`, `checkpoints` descends somewhere, or `train`
+    /// has more than `u32::MAX` rows.
     pub(crate) fn nearest_two_prefixes<D: Bits256>(
         self,
         queries: &[D],
@@ -81,16 +82,17 @@ impl Kernel {
         });
     }
 
-    /// For each part of `rows`, the two nearest of its rows for every query: the first part ends before
-    /// row `ends[0]`, each next one begins where the one before ended.
+    /// For each part of `rows`, the two nearest of its rows for every query: the first part ends
+    /// before row `ends[0]`, each next one begins where the one before ended.
     ///
     /// Calls `sink(part, state)` in ascending order of parts, where `state[i]` is what
-    /// [`nearest_two`](Self::nearest_two) gives for query `i` and the rows of the part alone, counted from
-    /// its first. Here the queries lie side by side in the lanes and the rows pass by, so that a part of
-    /// few rows leaves no lane idle. `state` is overwritten.
+    /// [`nearest_two`](Self::nearest_two) gives for query `i` and the rows of the part alone,
+    /// counted from its first. Here the queries lie side by side in the lanes and the rows pass by,
+    /// so that a part of few rows leaves no lane idle. `state` is overwritten.
     ///
     /// # Panics
-    /// If `state` has another length than `queries`, or `ends` descends somewhere or leads beyond `rows`.
+    /// If `state` has another length than `queries`, or `ends` descends somewhere or leads beyond
+    /// `rows`.
     pub(crate) fn nearest_two_of_parts<D: Bits256>(
         self,
         queries: &PackedDescriptors,
@@ -154,8 +156,8 @@ impl Kernel {
         self.distances_of_groups(&query.words(), train.groups(), out);
     }
 
-    /// Calls `found(row, bits)` for each of the given rows of `train` that is within `max_bits` of `query`,
-    /// in ascending order.
+    /// Calls `found(row, bits)` for each of the given rows of `train` that is within `max_bits` of
+    /// `query`, in ascending order.
     ///
     /// # Panics
     /// If `train` has no such rows.
@@ -219,7 +221,8 @@ impl Kernel {
     ///
     /// It takes the loads, exclusive ors, popcounts and additions of a search, in the same order of
     /// memory, and nothing else: the limit that a search on this CPU is measured against.
-    // Hidden: it is no search, and public for the evaluation alone, which times it beside the searches.
+    // Hidden: it is no search, and public for the evaluation alone, which times it beside the
+    // searches.
     #[doc(hidden)]
     pub fn sum_of_distances<D: Bits256>(self, queries: &[D], train: &PackedDescriptors) -> u64 {
         let (whole, rest) = train.groups().split_at(train.len() / ROWS_PER_GROUP);
@@ -237,7 +240,8 @@ impl Kernel {
                     // SAFETY: a kernel of this kind exists only after its CPU feature was detected.
                     Kind::Avx2 => unsafe { avx2::sum_of_distances(words, groups) },
                     #[cfg(target_arch = "x86_64")]
-                    // SAFETY: a kernel of this kind exists only after its CPU features were detected.
+                    // SAFETY: a kernel of this kind exists only after its CPU features were
+                    // detected.
                     Kind::Avx512 => unsafe { avx512::sum_of_distances(words, groups) },
                     #[cfg(target_arch = "aarch64")]
                     // SAFETY: a kernel of this kind exists only after its CPU feature was detected.

@@ -187,8 +187,8 @@ proptest! {
 
 #[test]
 fn kernels_agree_across_block_borders() {
-    // Larger than the blocks of slices (512) and of packed rows (1024); equal rows on both sides of a
-    // border, so that a tie spans it.
+    // Larger than the blocks of slices (512) and of packed rows (1024); equal rows on both sides of
+    // a border, so that a tie spans it.
     let mut train: Vec<Row> = (0..2100_u64)
         .map(|row| {
             let word = |w: u64| (row * 4 + w + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
@@ -219,8 +219,8 @@ fn every_kernel_says(expected: &[NearestTwo], queries: &[Row], train: &[Row]) {
 
 #[test]
 fn kernels_agree_where_rows_come_nearer_and_nearer() {
-    // More rows at the greatest distance than a block has, then three at each distance down to 0: every
-    // group has rows that are nearer than all before, and ties.
+    // More rows at the greatest distance than a block has, then three at each distance down to 0:
+    // every group has rows that are nearer than all before, and ties.
     let queries: Vec<_> = (0..8_u64)
         .map(|q| [q, q << 20, !q, q.wrapping_mul(0x9E37_79B9_7F4A_7C15)])
         .collect();

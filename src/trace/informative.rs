@@ -4,11 +4,12 @@ use crate::localize::Localizer;
 use crate::map::{Node, NodeId};
 use fremen::visibility::Observation;
 
-/// The most informative feature of each place, the most informative of all first: the one whose p(t) swings
-/// furthest; where too few swing, the one whose history is split most evenly between seen and not seen.
+/// The most informative feature of each place, the most informative of all first: the one whose
+/// p(t) swings furthest; where too few swing, the one whose history is split most evenly between
+/// seen and not seen.
 ///
-/// At most `num`; places without a model of time have none. O(features of the map), and no more than `num`
-/// histories of places that do not swing.
+/// At most `num`; places without a model of time have none. O(features of the map), and no more
+/// than `num` histories of places that do not swing.
 pub fn most_informative(localizer: &Localizer, num: usize) -> Vec<(NodeId, usize)> {
     let snapshot = localizer.snapshot();
     let nodes = (0..snapshot.nodes.len() as u32).map(NodeId);
@@ -45,8 +46,8 @@ pub fn most_informative(localizer: &Localizer, num: usize) -> Vec<(NodeId, usize
         .collect()
 }
 
-/// The feature of a place whose history is split most evenly: with a visits at which it was seen and b at which
-/// it was not, a b / (a + b) is the largest. O(features x visits).
+/// The feature of a place whose history is split most evenly: with a visits at which it was seen
+/// and b at which it was not, a b / (a + b) is the largest. O(features x visits).
 fn most_split(node: &Node) -> Option<(f64, usize)> {
     (0..node.features.len())
         .map(|feature| {

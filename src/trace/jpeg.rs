@@ -19,7 +19,7 @@ const JPEG_QUALITY: u8 = 80;
 pub struct Jpeg(pub Vec<u8>);
 
 impl Jpeg {
-    /// Encodes a picture.
+    /// Encodes a picture as a JPEG file.
     pub fn encode(picture: &GrayImage) -> Result<Self> {
         let mut bytes = Vec::new();
         JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY)

@@ -32,7 +32,7 @@ pub struct Trace<'a> {
     pub image_size: (usize, usize),
     /// When it was taken, RFC 3339.
     pub time: Option<String>,
-    /// Who said so.
+    /// Where that time comes from, one word.
     pub time_source: Option<Cow<'a, str>>,
     /// The place that it is known to show.
     pub truth: Option<PlaceKey>,
@@ -50,10 +50,11 @@ pub struct Trace<'a> {
     pub places: Vec<PlaceKey>,
     /// The live image's features, by the index that matches use.
     pub live: Vec<TracePoint>,
-    /// For each candidate of the ranking, in its order, what it was matched by, by the rank that matches
-    /// use; shorter than the ranking if [`TraceConfig::with_num_candidates`](super::TraceConfig::with_num_candidates) says so.
+    /// For each candidate of the ranking, in its order, what it was matched by, by the rank that
+    /// matches use; shorter than the ranking if
+    /// [`TraceConfig::with_num_candidates`](super::TraceConfig::with_num_candidates) says so.
     pub predicted: Vec<Vec<TracePoint>>,
-    /// The answer.
+    /// The answer with its evidence.
     pub localization: Cow<'a, Localization>,
     /// Milliseconds from pixels to answer.
     pub duration_ms: f64,
@@ -107,9 +108,9 @@ impl Trace<'_> {
 /// How long one part of a localisation took.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stage {
-    /// One word.
+    /// What was done, in one word.
     pub name: Cow<'static, str>,
-    /// Milliseconds.
+    /// How long it took, in milliseconds.
     pub ms: f64,
 }
 
@@ -137,12 +138,14 @@ pub struct MapSummary {
     pub edges: Vec<Edge>,
     /// The session with the latest visit; `None` in a map without visits.
     pub latest_session: Option<SessionSummary>,
-    /// The features whose visibility changes most with time (where none changes, those whose history is
-    /// split most evenly): at most [`TraceConfig::with_num_curves`](super::TraceConfig::with_num_curves), each of another place.
+    /// The features whose visibility changes most with time (where none changes, those whose
+    /// history is split most evenly): at most
+    /// [`TraceConfig::with_num_curves`](super::TraceConfig::with_num_curves), each of another
+    /// place.
     pub curves: Vec<CurveSummary>,
 }
 
-/// One place.
+/// What a dashboard shows of one place.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PlaceSummary {
     /// Position in metres, where known.
@@ -160,7 +163,7 @@ pub struct SessionSummary {
     pub id: String,
     /// Its first visit, RFC 3339.
     pub first: String,
-    /// Its last visit.
+    /// The time of its last visit, RFC 3339.
     pub last: String,
     /// Visits that it added.
     pub num_visits: usize,
@@ -173,9 +176,9 @@ pub struct SessionSummary {
 /// The history of one feature, and what was learnt from it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CurveSummary {
-    /// Its place.
+    /// The place that it belongs to.
     pub node: NodeId,
-    /// Its number there.
+    /// Its number among the features of the place.
     pub feature: usize,
     /// Where it is in the place's frame.
     pub point: TracePoint,

@@ -10,10 +10,10 @@ pub const SPECTRUM_BARS: usize = 240;
 
 /// The amplitudes of a history's rhythms.
 ///
-/// With visits at `t_i`, 1 <= i <= m, and states `s_i` in {0, 1} of mean mu, frequency f has the amplitude
-/// `2 / m * abs(sum_i (s_i - mu) e^(-j 2 pi f t_i))` and the sampling window
-/// `1 / m * abs(sum_i e^(-j 2 pi f t_i))`: where the window is near 1, visits came in step with f, and
-/// no history can tell that rhythm from none.
+/// With visits at `t_i`, 1 <= i <= m, and states `s_i` in {0, 1} of mean mu, frequency f has the
+/// amplitude `2 / m * abs(sum_i (s_i - mu) e^(-j 2 pi f t_i))` and the sampling window `1 / m *
+/// abs(sum_i e^(-j 2 pi f t_i))`: where the window is near 1, visits came in step with f, and no
+/// history can tell that rhythm from none.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SpectrumSummary {
     /// What frequencies are counted per, `day` or `year`.
@@ -29,8 +29,9 @@ pub struct SpectrumSummary {
 impl SpectrumSummary {
     /// The amplitudes of the rhythms of a history: when it was looked for, and whether it was seen.
     ///
-    /// Frequencies are multiples of one cycle in the span, up to 2.5 a day (twelve a year, where visits are
-    /// more than a day apart). If that is more than [`SPECTRUM_BARS`], each bar shows the highest of its part.
+    /// Frequencies are multiples of one cycle in the span, up to 2.5 a day (twelve a year, where
+    /// visits are more than a day apart). If that is more than [`SPECTRUM_BARS`], each bar shows
+    /// the highest of its part.
     pub fn of(times: &[Time], seen: &[Option<bool>]) -> Self {
         let observed: Vec<(Time, bool)> = (times.iter().zip(seen))
             .filter_map(|(&time, &seen)| Some((time, seen?)))

@@ -76,7 +76,7 @@ pub struct Shot<'a> {
     pub file: Option<&'a Path>,
     /// How the file was cut, turned and scaled; may be empty.
     pub recipe: &'a str,
-    /// Its pixels.
+    /// The picture itself.
     pub picture: &'a GrayImage,
     /// When it was taken.
     pub time: Option<Time>,
@@ -107,7 +107,7 @@ pub struct Tracer {
 }
 
 impl Tracer {
-    /// Nothing traced yet.
+    /// A tracer that has traced nothing yet.
     pub fn new(cfg: TraceConfig) -> Self {
         Self {
             cfg,

@@ -1,4 +1,5 @@
-//! Maps opened by way of the index cache beside them: the same answers, whatever became of that file.
+//! Maps opened by way of the index cache beside them: the same answers, whatever became of that
+//! file.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -164,8 +165,8 @@ fn a_map_opened_by_its_index_cache_gives_the_same_answers() {
             assert_eq!(index_caches(&path).len(), num_before + 1);
             let warm = Localizer::open(&path, cfg).expect("opens");
             assert_eq!(answers(&warm), expected, "{candidates:?} {method}");
-            // It was read from the index cache: that has no appearances, unless they are matched, and
-            // everything else.
+            // It was read from the index cache: that has no appearances, unless they are matched,
+            // and everything else.
             let mut kept = Snapshot::clone(&map.snapshot());
             for node in &mut kept.nodes {
                 for visit in &mut Arc::make_mut(node).visits {
@@ -283,7 +284,8 @@ fn where_no_index_cache_can_be_written_the_map_opens_all_the_same() {
     let expected = answers(&Localizer::new(map.snapshot(), cfg()).expect("fits"));
     Localizer::open(&path, cfg()).expect("opens");
     let files = index_caches(&path);
-    // A folder in its place can be neither read nor replaced; permissions would not stop the superuser.
+    // A folder in its place can be neither read nor replaced; permissions would not stop the
+    // superuser.
     std::fs::remove_file(&files[0]).expect("removed");
     std::fs::create_dir(&files[0]).expect("made");
     let localizer = Localizer::open(&path, cfg()).expect("opens");

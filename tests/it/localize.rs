@@ -531,7 +531,8 @@ fn features_of_a_shifted_visit_share_the_first_frame() {
     let mut learner = Learner::new(cfg, MapMeta::new(7, "star-brief", "default"));
     let first = learner.observe(&observation(base)).expect("learns");
     let second = learner.observe(&observation(&shifted)).expect("learns");
-    // Twins within the image (equal descriptors) may be taken for one another, and are then born again.
+    // Twins within the image (equal descriptors) may be taken for one another, and are then born
+    // again.
     assert!(second.num_seen * 10 >= first.num_born * 9, "{second:?}");
     let snapshot = learner.snapshot().expect("fits together");
     let keypoints = snapshot.nodes[0].features.keypoints();

@@ -339,7 +339,8 @@ proptest! {
     fn selecting_from_evidence_equals_matching_the_selected_map(
         cfg in config(), map in features(40), live in features(20), keep in any::<u64>(),
     ) {
-        let cfg = cfg.to_builder().with_direction(Direction::MapToLive).with_mutual(false).build().unwrap();
+        let cfg = cfg.to_builder().with_direction(Direction::MapToLive).with_mutual(false);
+        let cfg = cfg.build().unwrap();
         let ids: Vec<u32> = (0..map.len() as u32).filter(|id| keep >> id & 1 == 1).collect();
         let matcher = Matcher::new(cfg.clone());
         let mut scratch = MatchScratch::default();
@@ -358,7 +359,8 @@ proptest! {
     fn mutual_matching_is_symmetric(map in features(40), live in features(40)) {
         let mutual = MatchConfig::builder().with_max_bits(256).with_mutual(true);
         let from = |direction, a: &Features, b: &Features| {
-            let mut found = matches(&mutual.clone().with_direction(direction).build().unwrap(), a, b);
+            let cfg = mutual.clone().with_direction(direction).build().unwrap();
+            let mut found = matches(&cfg, a, b);
             found.sort_unstable_by_key(|m| (m.map, m.live));
             found
         };
@@ -479,7 +481,10 @@ proptest! {
     }
 
     #[test]
-    fn voting_on_a_subset_equals_voting_on_its_copy(points in displacements(), keep in any::<u32>()) {
+    fn voting_on_a_subset_equals_voting_on_its_copy(
+        points in displacements(),
+        keep in any::<u32>(),
+    ) {
         let ids: Vec<u32> = (0..points.len() as u32).filter(|id| keep >> id & 1 == 1).collect();
         let copy: Vec<_> = ids.iter().map(|&id| points[id as usize]).collect();
         let (cfg, mut scratch) = (VoteConfig::default(), VoteScratch::default());

@@ -7,7 +7,8 @@ use chronotope::map::Snapshot;
 
 use crate::index_cache::{NUM_FEATURES, NUM_VISITS, answers, cfg, map};
 
-/// A map, and one that came of it: a place that forgot features and visits, another that forgot visits, and a new one.
+/// A map, and one that came of it: a place that forgot features and visits, another that forgot
+/// visits, and a new one.
 fn two_maps(num_places: usize) -> (Arc<Snapshot>, Arc<Snapshot>) {
     let mut newer = map(num_places + 1);
     let mut older = newer.clone();

@@ -1,4 +1,5 @@
-//! The kernels of the library and nothing else, so that they compile for a machine without its C libraries.
+//! The kernels of the library and nothing else, so that they compile for a machine without its C
+//! libraries.
 #![allow(dead_code)] // reason: the rooms that search and sum with them are left out.
 
 #[path = "../../src/simd/mod.rs"]

@@ -11,9 +11,9 @@ use crate::map::Snapshot;
 use crate::matching::BinaryWords;
 use crate::predict::Selection;
 
-/// Predicted features from which on places vote: there it was measured to be twice as fast as matching them
-/// all. It is faster from about half of them on; below, nothing that an exact answer finds shall be missed for
-/// the two milliseconds that are left to win.
+/// Predicted features from which on places vote: there it was measured to be twice as fast as
+/// matching them all. It is faster from about half of them on; below, nothing that an exact answer
+/// finds shall be missed for the two milliseconds that are left to win.
 const MIN_PREDICTED: usize = 50_000;
 
 /// What a localizer finds candidates with; made once a map.

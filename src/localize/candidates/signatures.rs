@@ -10,7 +10,8 @@ use crate::feature::Descriptor;
 use crate::map::{Node, Snapshot};
 use crate::matching::{BinaryWords, SearchScratch};
 
-/// Words of a signature, features of a place in it, connections and candidates of a point in the graph.
+/// Words of a signature, features of a place in it, connections and candidates of a point in the
+/// graph.
 const NUM_WORDS: usize = 512;
 const MAX_FEATURES: usize = 200;
 const CONNECTIONS: usize = 24;
@@ -75,7 +76,8 @@ impl Signatures {
     }
 }
 
-/// How much of a place each word is: its features by how often they were seen, the most often seen first.
+/// How much of a place each word is: its features by how often they were seen, the most often seen
+/// first.
 fn histogram(node: &Node, words: &BinaryWords, scratch: &mut SearchScratch) -> Vec<f32> {
     let mut seen = vec![0_u32; node.features.len()];
     for visit in 0..node.log.num_visits() {

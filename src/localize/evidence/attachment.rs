@@ -1,14 +1,14 @@
 //! Is what this map's past visits say already known?
 //!
-//! Calibrating matches past visits, which takes from a tenth of a second to a few seconds. The result can be
-//! kept with the map, as the attachment [`ATTACHMENT`]: JSON of the calibration and of a key, a SHA-256
-//! over everything that it was learnt from: the configuration, the identities of all visits (which
-//! contain the digests of their images' features), what each saw, the other attachments, and this crate's
-//! version. A localizer whose key differs, or whose copy does not hold
-//! together, calibrates anew; a stored one is never trusted for its name.
+//! Calibrating matches past visits, which takes from a tenth of a second to a few seconds. The
+//! result can be kept with the map, as the attachment [`ATTACHMENT`]: JSON of the calibration and
+//! of a key, a SHA-256 over everything that it was learnt from: the configuration, the identities
+//! of all visits (which contain the digests of their images' features), what each saw, the other
+//! attachments, and this crate's version. A localizer whose key differs, or whose copy does not
+//! hold together, calibrates anew; a stored one is never trusted for its name.
 //!
-//! The key does not contain itself, so attaching a calibration keeps it valid, while one more visit makes
-//! it stale. Cost: one bit a feature and visit to make the key, O(bytes) to read.
+//! The key does not contain itself, so attaching a calibration keeps it valid, while one more visit
+//! makes it stale. Cost: one bit a feature and visit to make the key, O(bytes) to read.
 
 use std::sync::Arc;
 

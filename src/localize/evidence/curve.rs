@@ -1,8 +1,8 @@
 //! Which probability does a model's score stand for?
 //!
-//! A [`Curve`] is the non-decreasing function from score to rate that fits yes/no samples best in least
-//! squares (isotonic regression by pooling adjacent violators; Ayer et al. 1955), linear between the
-//! means of its blocks and constant beyond the first and the last.
+//! A [`Curve`] is the non-decreasing function from score to rate that fits yes/no samples best in
+//! least squares (isotonic regression by pooling adjacent violators; Ayer et al. 1955), linear
+//! between the means of its blocks and constant beyond the first and the last.
 
 use serde::{Deserialize, Serialize};
 
@@ -32,8 +32,8 @@ impl Curve {
         }
     }
 
-    /// Fits (score, whether it came true); the order of samples does not matter. Half a hit and half a
-    /// miss are added, so that no rate is 0 or 1. `None` without samples.
+    /// Fits (score, whether it came true); the order of samples does not matter. Half a hit and
+    /// half a miss are added, so that no rate is 0 or 1. `None` without samples.
     pub fn fit(samples: &mut [(f64, bool)]) -> Option<Self> {
         if samples.is_empty() {
             return None;
@@ -56,8 +56,8 @@ impl Curve {
             }
             let mut block = Block {
                 score_sum: part.iter().map(|sample| sample.0).sum(),
-                // Half a hit and half a miss are spread over the blocks before they are pooled: rates
-                // then rise as pooling makes them.
+                // Half a hit and half a miss are spread over the blocks before they are pooled:
+                // rates then rise as pooling makes them.
                 hits: part.iter().filter(|sample| sample.1).count() as f64
                     + 0.5 / num_blocks as f64,
                 count: part.len() as f64 + 1.0 / num_blocks as f64,

@@ -1,11 +1,12 @@
-//! What would each feature say, matched or missing, and what do the matches of an image say together?
+//! What would each feature say, matched or missing, and what do the matches of an image say
+//! together?
 //!
-//! An [`Expectation`] sums the formula of this room's documentation: what an image says in which nothing matched
-//! is summed up beforehand ([`finalize`](Expectation::finalize)), so that the evidence of an image costs time for
-//! its matches only.
+//! An [`Expectation`] sums the formula of this room's documentation: what an image says in which
+//! nothing matched is summed up beforehand ([`finalize`](Expectation::finalize)), so that the
+//! evidence of an image costs time for its matches only.
 //!
-//! Cost: 4 logarithms a feature and one addition a feature and reference visit for each prediction; for each
-//! image one addition a match and reference visit, and one exponential a reference visit.
+//! Cost: 4 logarithms a feature and one addition a feature and reference visit for each prediction;
+//! for each image one addition a match and reference visit, and one exponential a reference visit.
 
 use super::rates::{Calibration, OutlierRatios, Trials};
 use crate::localize::verify::Verified;
@@ -37,7 +38,8 @@ pub(in crate::localize) struct Expectation {
     words: Vec<u64>,
     outliers: OutlierRatios,
     num_references: usize,
-    /// ln of how much each reference visit counts, which is 1 on average; nothing where all count alike.
+    /// ln of how much each reference visit counts, which is 1 on average; nothing where all count
+    /// alike.
     log_weights: Vec<f64>,
     /// So many features take part.
     num_finalized: usize,
@@ -52,8 +54,8 @@ pub(in crate::localize) struct Expectation {
 pub(in crate::localize) struct Hits(Vec<(u32, u16)>);
 
 impl Hits {
-    /// Those of the inliers among the first `len` features, ascending; of several matches of one feature
-    /// the nearest counts.
+    /// Those of the inliers among the first `len` features, ascending; of several matches of one
+    /// feature the nearest counts.
     fn gather(&mut self, len: usize, verified: &Verified<'_>) -> &[(u32, u16)] {
         self.0.clear();
         let agreeing = (verified.matches.iter())
@@ -142,7 +144,8 @@ impl Expectation {
         }
     }
 
-    /// Adds the next feature: `detection` is `p_f`, `false_rate` `q_f`, and the reference visits that saw it.
+    /// Adds the next feature: `detection` is `p_f`, `false_rate` `q_f`, and the reference visits
+    /// that saw it.
     pub(super) fn push(&mut self, detection: f64, false_rate: f64, references: u64) {
         let [missing, matched] = log_ratios(
             if self.num_references == 0 {
@@ -173,8 +176,8 @@ impl Expectation {
         self.nothing_seen.resize(self.num_references, 0.0);
     }
 
-    /// From now on the first `len` features take part: O(features x reference visits), or as much less as took
-    /// part before.
+    /// From now on the first `len` features take part: O(features x reference visits), or as much
+    /// less as took part before.
     pub(in crate::localize) fn finalize(&mut self, len: usize) {
         let len = len.min(self.missing.len());
         if len < self.num_finalized {

@@ -1,14 +1,16 @@
 //! What would past visits have matched, had they been live?
 //!
-//! Past visits are held out, one or a run of them at a time, and matched as if they were live: their own
-//! place is predicted by a model that was fitted without them, and features born in them do not take part,
-//! since a birth is no evidence. By the same procedure every other place is matched with them.
+//! Past visits are held out, one or a run of them at a time, and matched as if they were live:
+//! their own place is predicted by a model that was fitted without them, and features born in them
+//! do not take part, since a birth is no evidence. By the same procedure every other place is
+//! matched with them.
 //!
-//! The image of a past visit is its appearance, where that was kept; otherwise it is put together again
-//! from the features that the log says were seen then, with the descriptors they were born with.
+//! The image of a past visit is its appearance, where that was kept; otherwise it is put together
+//! again from the features that the log says were seen then, with the descriptors they were born
+//! with.
 //!
-//! Cost: a few fits of each held-out place's model, and (images x places) matches of up to 300 features;
-//! both are bounded ([`MAX_PLACES`], [`MAX_TRIALS`]) however large the map is.
+//! Cost: a few fits of each held-out place's model, and (images x places) matches of up to 300
+//! features; both are bounded ([`MAX_PLACES`], [`MAX_TRIALS`]) however large the map is.
 
 use std::sync::Arc;
 
@@ -28,8 +30,8 @@ use fremen::visibility::BitRow;
 
 /// Visits of at most so many places are held out, evenly spread over the map.
 const MAX_PLACES: usize = 32;
-/// With so many visits or fewer, each is taken out by itself; otherwise runs of them, so that what is
-/// near in time does not vouch for itself.
+/// With so many visits or fewer, each is taken out by itself; otherwise runs of them, so that what
+/// is near in time does not vouch for itself.
 const MAX_SINGLE_FOLDS: usize = 16;
 const NUM_RUNS: usize = 8;
 /// Visits of each run that are matched.
@@ -237,7 +239,8 @@ impl HeldOutPlace {
 }
 
 impl PlannedMap {
-    /// Matches a place with a past visit; `None` if nothing of the place is known without that visit.
+    /// Matches a place with a past visit; `None` if nothing of the place is known without that
+    /// visit.
     fn attempt(
         &self,
         scratch: &mut Scratch,

@@ -1,14 +1,14 @@
 //! What do matches at the right place and at wrong places look like?
 //!
-//! A [`Calibration`] is learnt from the map alone: its past visits are held out and matched with all places as
-//! if they were live (`held_out.rs`), and what matches and what does not is counted.
+//! A [`Calibration`] is learnt from the map alone: its past visits are held out and matched with
+//! all places as if they were live (`held_out.rs`), and what matches and what does not is counted.
 //!
-//! How much a matching distance tells is the ratio of g1 (seen again, counted while the map was learnt,
-//! [`Reobservation`]) and g0 (found at wrong places). All rates are drawn to those of the whole map by priors
-//! that are counted in features.
+//! How much a matching distance tells is the ratio of g1 (seen again, counted while the map was
+//! learnt, [`Reobservation`]) and g0 (found at wrong places). All rates are drawn to those of the
+//! whole map by priors that are counted in features.
 //!
-//! Cost: that of matching the held-out visits. Sums are taken in a fixed order, so the result does not depend
-//! on the number of threads.
+//! Cost: that of matching the held-out visits. Sums are taken in a fixed order, so the result does
+//! not depend on the number of threads.
 //!
 //! Not for maps of a single visit a place: nothing can be held out, and the values are those of
 //! [`Calibration::uninformed`].
@@ -50,8 +50,9 @@ impl Calibration {
     /// Learns from the past visits of `map`.
     pub(in crate::localize) fn learn(map: &PlannedMap) -> Result<Self> {
         let mut calibration = Self::uninformed();
-        // What a feature of an appearance is worth does not depend on which appearances a method uses,
-        // so that is learnt from all of them; what the scores are worth, from the method's own.
+        // What a feature of an appearance is worth does not depend on which appearances a method
+        // uses, so that is learnt from all of them; what the scores are worth, from the method's
+        // own.
         let everything: Option<Vec<Arc<Plan>>> = match map.cfg.method() {
             Method::Static | Method::Fremen | Method::Fused | Method::ExperienceAll => None,
             Method::Experience | Method::Freex => Some(
@@ -116,7 +117,8 @@ impl Calibration {
             / (f64::from(all.tried) + FALSE_RATE_PRIOR);
     }
 
-    /// For each place, found over expected features, drawn to 1 by [`REPEATABILITY_PRIOR`] expected ones.
+    /// For each place, found over expected features, drawn to 1 by [`REPEATABILITY_PRIOR`] expected
+    /// ones.
     fn learn_repeatability(
         &self,
         num_places: usize,
@@ -144,8 +146,8 @@ impl Calibration {
 
     /// How often features that are not found have an outlier match.
     ///
-    /// What other places' images show is counted for each place; what its own show, which are few, for the
-    /// whole map.
+    /// What other places' images show is counted for each place; what its own show, which are few,
+    /// for the whole map.
     fn learn_outliers(&mut self, num_places: usize, visits: &[HeldOutVisit], trials: &[Trial]) {
         let [mut of_own, mut of_others] = [OutlierCounts::default(); 2];
         let mut of_place = vec![OutlierCounts::default(); num_places];

@@ -1,20 +1,22 @@
 //! How much is a score worth as evidence?
 //!
-//! Features of one image are not independent, so a sum of their log ratios claims too much; and an image
-//! in which little can be seen scores low at every place, its own among them. A [`PosteriorCalibration`]
-//! turns the score `x_l` of each place into a posterior over the places and being off the map:
+//! Features of one image are not independent, so a sum of their log ratios claims too much; and an
+//! image in which little can be seen scores low at every place, its own among them. A
+//! [`PosteriorCalibration`] turns the score `x_l` of each place into a posterior over the places
+//! and being off the map:
 //!
 //! ```text
 //! P(l)       ~ (1 - e) / N * exp(scale * x_l)
 //! P(off map) ~      e      * exp(bias + level * m)
 //! ```
 //!
-//! with the prior probability `e` of being nowhere in a map of N places, and `m` the mean score of all
-//! places but the best: what this image scores at places that it does not show. The three weights
-//! minimise the log loss over held-out images, each of which counts as two cases: with its place in the map
-//! (the answer is the place) and without it (the answer is off the map), both with e = 1/2. That loss is
-//! convex; a weak normal prior keeps its minimum finite where there are few images. (Multinomial logistic regression;
-//! with `scale` alone it is temperature scaling, Guo et al. 2017.)
+//! with the prior probability `e` of being nowhere in a map of N places, and `m` the mean score of
+//! all places but the best: what this image scores at places that it does not show. The three
+//! weights minimise the log loss over held-out images, each of which counts as two cases: with its
+//! place in the map (the answer is the place) and without it (the answer is off the map), both with
+//! e = 1/2. That loss is convex; a weak normal prior keeps its minimum finite where there are few
+//! images. (Multinomial logistic regression; with `scale` alone it is temperature scaling, Guo et
+//! al. 2017.)
 
 use serde::{Deserialize, Serialize};
 
@@ -98,7 +100,8 @@ impl PosteriorCalibration {
         for _ in 0..50 {
             let (gradient, hessian) = fitted.derivatives(&cases, prior);
             let step = solve(hessian, gradient);
-            // Newton's step, halved until the loss falls: it is convex, so this ends at its minimum.
+            // Newton's step, halved until the loss falls: it is convex, so this ends at its
+            // minimum.
             let mut share = 1.0;
             let improved = loop {
                 let next = Self {
@@ -123,8 +126,8 @@ impl PosteriorCalibration {
         fitted
     }
 
-    /// Writes the posterior of each place and returns that of being off the map, whose prior probability is
-    /// `off_map`.
+    /// Writes the posterior of each place and returns that of being off the map, whose prior
+    /// probability is `off_map`.
     pub(in crate::localize) fn posterior_into(
         self,
         scores: &[f64],
@@ -281,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_asked_leaves_the_prior() {
+    fn nothing_held_out_leaves_the_prior() {
         assert_eq!(PosteriorCalibration::fit(&[], PRIOR), PRIOR);
     }
 

@@ -1,13 +1,14 @@
 //! How often are features found, at their place and elsewhere, and what does that say?
 //!
-//! A [`Calibration`] is what a localizer knows of its own evidence. It is learnt in `learn.rs`; here it is read:
+//! A [`Calibration`] is what a localizer knows of its own evidence. It is learnt in `learn.rs`;
+//! here it is read:
 //!
-//! - the *detection curve*: how often a feature of a given score is found at its place ([`Curve`]), and how
-//!   much more or less often than that at each single place;
-//! - for every feature, how often it is found where it is not (`q_f`), drawn to the mean over all features
-//!   by [`FALSE_RATE_PRIOR`] trials;
-//! - how often a feature that is not found has an outlier match, one that does not agree with the others: at
-//!   each place in images of others, and how much more often in its own;
+//! - the *detection curve*: how often a feature of a given score is found at its place ([`Curve`]),
+//!   and how much more or less often than that at each single place;
+//! - for every feature, how often it is found where it is not (`q_f`), drawn to the mean over all
+//!   features by [`FALSE_RATE_PRIOR`] trials;
+//! - how often a feature that is not found has an outlier match, one that does not agree with the
+//!   others: at each place in images of others, and how much more often in its own;
 //! - how much a matching distance tells: g1 (seen again) against g0 (found at wrong places);
 //! - how much a displacement tells: the camera's spread between visits against anywhere;
 //! - what a score is worth as evidence ([`PosteriorCalibration`]), for each score and several n.
@@ -43,7 +44,8 @@ pub struct Calibration {
     pub(super) false_rate: f64,
     /// Of each place and hypothesis (its predicted map, or each visit): trials of each feature.
     pub(super) false_counts: Vec<Vec<Vec<Trials>>>,
-    /// How often a feature that is not found has an outlier match, at each place in images of others.
+    /// How often a feature that is not found has an outlier match, at each place in images of
+    /// others.
     #[serde(rename = "stray_rates")]
     pub(super) outlier_rates: Vec<f64>,
     /// How much more often it does in images of its own place.
@@ -88,10 +90,11 @@ pub(super) struct DisplacementPrior {
     pub(super) area_px2: f64,
 }
 
-/// What a feature says that is not found, as log ratios of being here against being at another place.
+/// What a feature says that is not found, as log ratios of being here against being at another
+/// place.
 ///
-/// A true match may lie beside the others, since the camera stands a little off and near things shift more
-/// than far ones; so outlier matches are somewhat more frequent at the place itself.
+/// A true match may lie beside the others, since the camera stands a little off and near things
+/// shift more than far ones; so outlier matches are somewhat more frequent at the place itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct OutlierRatios {
     /// ln((1 - a) / (1 - b)): nothing like it in the image.
@@ -101,8 +104,8 @@ pub(super) struct OutlierRatios {
 }
 
 impl OutlierRatios {
-    /// Of the probabilities, both between 0 and 1, that a feature that is not found has an outlier match:
-    /// `here`, at its place, and at `others`.
+    /// Of the probabilities, both between 0 and 1, that a feature that is not found has an outlier
+    /// match: `here`, at its place, and at `others`.
     pub(super) fn new(here: f64, others: f64) -> Self {
         Self {
             missing: ((1.0 - here) / (1.0 - others)).ln(),
@@ -201,10 +204,11 @@ impl Calibration {
         ((1.0 - UNIFORM_SHARE) * density * prior.area_px2 + UNIFORM_SHARE).ln()
     }
 
-    /// What is known, for a newer snapshot of the map; `is_same` says which of its places have not changed.
+    /// What is known, for a newer snapshot of the map; `is_same` says which of its places have not
+    /// changed.
     ///
-    /// False rates go with their features where a budget has numbered them anew, and are forgotten of kept
-    /// appearances, whose visits are numbered anew then.
+    /// False rates go with their features where a budget has numbered them anew, and are forgotten
+    /// of kept appearances, whose visits are numbered anew then.
     pub(in crate::localize) fn with_snapshot(
         known: &Arc<Self>,
         older: &Snapshot,
@@ -289,7 +293,8 @@ impl Calibration {
     }
 }
 
-/// What was counted of the features of `old`, for those of them that are left in `new`, in the same order.
+/// What was counted of the features of `old`, for those of them that are left in `new`, in the same
+/// order.
 fn renumbered(counts: &[Trials], old: FeaturesView<'_>, new: FeaturesView<'_>) -> Vec<Trials> {
     let mut first = 0;
     let of_feature = (0..new.len()).map(|id| {

@@ -37,11 +37,24 @@ cargo clippy --locked --workspace --all-targets --features opencv -- -D warnings
 
 say "feature matrix: without default features, default, opencv alone"
 cargo clippy --locked -p chronotope --lib --no-default-features -- -D warnings
-cargo clippy --locked -p chronotope --lib --bins -- -D warnings
+cargo clippy --locked -p chronotope --lib -- -D warnings
 cargo clippy --locked -p chronotope --lib --no-default-features --features opencv -- -D warnings
 
 say "rustdoc"
 RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --lib --features opencv
+
+say "packages: what would be published"
+for package in fremen chronotope-store chronotope chronotope-cli; do
+    cargo package --locked --allow-dirty --list -p "$package" >/dev/null
+done
+
+# Licences, sources and duplicates of all dependencies (deny.toml); advisories need the network.
+if cargo deny --version >/dev/null 2>&1; then
+    say "cargo deny"
+    cargo deny --offline --all-features check bans licenses sources
+else
+    say "cargo deny: skipped (cargo install --locked cargo-deny)"
+fi
 
 say "tests: workspace with opencv, and doctests"
 cargo test --locked --workspace --features opencv </dev/null 2>&1 | tee "$log"

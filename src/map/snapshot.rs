@@ -61,7 +61,7 @@ impl Snapshot {
     pub fn push_node(&mut self, node: Node) -> Result<NodeId> {
         if self.find(&node.key).is_some() {
             return Err(Error::new(
-                ErrorKind::Config,
+                ErrorKind::AlreadyExists,
                 format!("the map has a place `{}` already", node.key),
             ));
         }
@@ -108,7 +108,7 @@ impl Snapshot {
             node.check()?;
             if let Some(twice) = node.visits.iter().find(|visit| !visits.insert(visit.id)) {
                 return Err(Error::new(
-                    ErrorKind::Config,
+                    ErrorKind::AlreadyExists,
                     format!("visit {} is in the map twice", twice.id),
                 )
                 .with_place(format!("place `{}`", node.key)));
@@ -129,7 +129,7 @@ impl Snapshot {
         let mut keys = BTreeSet::new();
         if let Some(twice) = self.nodes.iter().find(|node| !keys.insert(&node.key)) {
             return Err(Error::new(
-                ErrorKind::Config,
+                ErrorKind::AlreadyExists,
                 format!("place `{}` is in the map twice", twice.key),
             ));
         }
@@ -215,7 +215,7 @@ pub(super) fn check_attachment(name: &str, value: &[u8]) -> Result<()> {
 
 fn unknown_place(key: &PlaceKey) -> Error {
     Error::new(
-        ErrorKind::Config,
+        ErrorKind::NotFound,
         format!("an edge names the place `{key}`, which the map does not have"),
     )
     .with_help("add the place first")

@@ -66,7 +66,7 @@ fn the_golden_map_comes_back_with_its_digest_and_a_folder_is_never_overwritten()
         }
     }
     let error = golden.export(&path).expect_err("not empty");
-    assert_eq!(error.kind(), ErrorKind::Io);
+    assert_eq!(error.kind(), ErrorKind::AlreadyExists);
     assert!(error.to_string().contains("not empty"), "{error}");
     let empty = folder.path().join("empty");
     fs::create_dir(&empty).expect("writable");
@@ -139,7 +139,7 @@ fn what_is_wrong_with_an_exported_folder_is_named() {
         );
         fs::remove_file(&file).expect("there");
         let error = Snapshot::import(&path).expect_err(name);
-        assert_eq!(error.kind(), ErrorKind::Io);
+        assert_eq!(error.kind(), ErrorKind::NotFound);
         fs::write(&file, bytes).expect("writable");
     }
     let odd = path.join("attachments/Odd.bin");

@@ -547,7 +547,10 @@ fn complaint(path: &Path, kind: ErrorKind) -> String {
 #[test]
 fn files_that_are_no_images_say_so() {
     let folder = Folder::new();
-    assert!(complaint(&folder.0.path().join("none.png"), ErrorKind::Io).contains("check the path"));
+    assert!(
+        complaint(&folder.0.path().join("none.png"), ErrorKind::NotFound)
+            .contains("check the path")
+    );
     assert!(complaint(&folder.file("zero.jpg", b""), ErrorKind::Format).contains("empty"));
     let text = folder.file("text.png", b"place,time,path\n");
     assert!(complaint(&text, ErrorKind::Format).contains("not an image"));

@@ -125,7 +125,7 @@ fn what_is_no_camera_and_no_video_is_named() {
     let error = FrameSource::video(&missing).expect_err("missing");
     assert_eq!(
         (error.kind(), error.path()),
-        (ErrorKind::Io, Some(missing.as_path()))
+        (ErrorKind::NotFound, Some(missing.as_path()))
     );
     let text = folder.path().join("text.avi");
     std::fs::write(&text, "no video").expect("writable");

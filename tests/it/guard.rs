@@ -220,7 +220,7 @@ fn honest_visits_are_rarely_held_and_can_be_accepted_or_rejected() {
     assert_eq!(other.snapshot().expect("in step"), before);
     learner.accept(id).expect("held");
     let error = learner.accept(id).expect_err("learnt by now");
-    assert_eq!(error.kind(), ErrorKind::Config);
+    assert_eq!(error.kind(), ErrorKind::NotFound);
     let after = learner.snapshot().expect("in step");
     assert_eq!(after.summary().num_visits, before.summary().num_visits + 1);
     assert!(after.nodes[0].visits.iter().any(|visit| visit.id == id));

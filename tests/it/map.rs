@@ -656,7 +656,7 @@ fn what_is_no_map_is_named_and_left_alone() {
         assert!(error.to_string().contains("never overwritten"), "{error}");
     }
     let missing = Map::open(folder.path().join("missing")).expect_err("missing");
-    assert_eq!(missing.kind(), ErrorKind::Io);
+    assert_eq!(missing.kind(), ErrorKind::NotFound);
     assert!(missing.to_string().contains("map build"), "{missing}");
     let error = Map::open(folder.path()).expect_err("a folder");
     assert!(error.to_string().contains("folder"), "{error}");

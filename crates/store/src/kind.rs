@@ -68,7 +68,7 @@ impl Kind {
             ),
             Some(Code::PermissionDenied) => (ErrorKind::Io, "access is denied".into(), rights()),
             Some(Code::DatabaseBusy | Code::DatabaseLocked) => (
-                ErrorKind::Io,
+                ErrorKind::Conflict,
                 format!("another process is writing to this {noun}"),
                 "wait until it has finished and repeat".into(),
             ),
@@ -103,7 +103,7 @@ impl Kind {
     /// What is said where the file has no such generation.
     pub fn no_generation(&self, number: u64) -> Error {
         let message = format!("the {} has no generation {number}", self.noun);
-        Error::new(ErrorKind::Config, message).with_help(format!(
+        Error::new(ErrorKind::NotFound, message).with_help(format!(
             "`{} log` lists the generations that it has",
             self.tool
         ))

@@ -340,6 +340,6 @@ fn begin<'a>(
     } else {
         format!("another process has pruned the {noun} since this change was made")
     };
-    Err(Error::new(ErrorKind::Config, what)
+    Err(Error::new(ErrorKind::Conflict, what)
         .with_help(format!("refresh the {noun} and repeat the change")))
 }

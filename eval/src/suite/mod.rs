@@ -147,7 +147,7 @@ impl Suite {
         match BUILTIN.iter().find(|(known, _)| *known == name) {
             Some((name, text)) => Self::parse(name, text),
             None => Err(
-                Error::new(ErrorKind::Config, format!("there is no suite `{name}`"))
+                Error::new(ErrorKind::NotFound, format!("there is no suite `{name}`"))
                     .with_help("`chronotope-eval list` shows all"),
             ),
         }

@@ -72,9 +72,11 @@ fn prepare(folder: &Path) -> Result<()> {
     let io = |cause: std::io::Error| Error::io(folder, cause);
     if folder.exists() {
         if fs::read_dir(folder).map_err(io)?.next().is_some() {
-            return Err(Error::new(ErrorKind::Io, "this folder is not empty")
-                .with_path(folder)
-                .with_help("a folder is never overwritten: choose another name"));
+            return Err(
+                Error::new(ErrorKind::AlreadyExists, "this folder is not empty")
+                    .with_path(folder)
+                    .with_help("a folder is never overwritten: choose another name"),
+            );
         }
         Ok(())
     } else {

@@ -130,7 +130,7 @@ impl Change {
                     state.visit_ids.contains(&visit.id) && !self.outdated.contains(&visit.id);
                 if is_stored || !new_ids.insert(visit.id) {
                     return Err(Error::new(
-                        ErrorKind::Config,
+                        ErrorKind::AlreadyExists,
                         format!("visit {} is in the map already", visit.id),
                     )
                     .with_place(format!("place `{}`", node.key)));
@@ -400,7 +400,7 @@ fn difference(before: &Node, after: &Node) -> Option<String> {
 
 fn does_not_extend(what: &str) -> Error {
     Error::new(
-        ErrorKind::Config,
+        ErrorKind::Conflict,
         format!("this snapshot does not extend the stored map: {what}"),
     )
     .with_help("start from the map's own snapshot and only append")

@@ -1,8 +1,8 @@
 //! Writes the grey bytes and all features of images to stdout, for `scripts/parity.py` and
 //! `scripts/make_golden.py` to compare with OpenCV's.
 //!
-//! One job a line on stdin: `{"path": "...", "options": LoadOptions, "config": StarBriefConfig}`, the last two
-//! optional. For each job, in order, little-endian:
+//! One job a line on stdin: `{"path": "...", "options": LoadOptions, "config": StarBriefConfig}`,
+//! the last two optional. For each job, in order, little-endian:
 //!
 //! ```text
 //! ok:    u32 0, u32 width, u32 height, width * height grey bytes,

@@ -2,7 +2,8 @@
 //! a later image.
 //!
 //! `cargo run --release --example learn_and_save -- [MAP]`; without a name the map goes to a
-//! temporary folder and is removed at the end. `chronotope map inspect MAP` shows what it remembers.
+//! temporary folder and is removed at the end. `chronotope map inspect MAP` shows what it
+//! remembers.
 #![allow(clippy::print_stdout)] // reason: an example shows what it does.
 
 use std::error::Error;

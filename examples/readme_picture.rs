@@ -1,6 +1,6 @@
-//! Draws the picture of the README: one place of the rendered street at four times of a year that was
-//! never learnt, with the features that were predicted for each time. Green circles were found again,
-//! orange crosses were not.
+//! Draws the picture of the README: one place of the rendered street at four times of a year that
+//! was never learnt, with the features that were predicted for each time. Green circles were found
+//! again, orange crosses were not.
 //!
 //! `cargo run --release --example readme_picture -- docs/one-place-four-times.jpg [SEED] [PLACE]`
 

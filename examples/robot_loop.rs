@@ -1,5 +1,5 @@
-//! A robot that learns while it localises, on a rendered street: a year of rounds that somebody labelled,
-//! then a drive through the next one.
+//! A robot that learns while it localises, on a rendered street: a year of rounds that somebody
+//! labelled, then a drive through the next one.
 //!
 //! `cargo run --release --example robot_loop -- [SEED]`
 #![allow(clippy::print_stdout)] // reason: an example shows what it does.

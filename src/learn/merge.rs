@@ -22,8 +22,8 @@
 //! in canonical order, which is a function of their set, too.
 //!
 //! Of the attachments, what was counted of features seen again ([`Reobservation`]) and the visits
-//! that are held ([`Quarantine`], unless one of the maps has learnt them) are merged; others describe one
-//! map and are left out.
+//! that are held ([`Quarantine`], unless one of the maps has learnt them) are merged; others
+//! describe one map and are left out.
 //!
 //! O(places * visits * features / 64 + bytes). Not for: maps with different extractors, image sizes
 //! or poses, which are conflicts.

@@ -20,8 +20,9 @@
 //! visit also logs which experiences of its place would have located it by themselves.
 //!
 //! What does not agree with what was predicted of its place is not learnt but held
-//! ([`GuardConfig`], [`Quarantine`](crate::map::Quarantine)), until [`Learner::accept`] or [`Learner::reject`] says which. A map
-//! that may only grow so far forgets what is least useful ([`BudgetConfig`]).
+//! ([`GuardConfig`], [`Quarantine`](crate::map::Quarantine)), until [`Learner::accept`] or
+//! [`Learner::reject`] says which. A map that may only grow so far forgets what is least useful
+//! ([`BudgetConfig`]).
 
 mod budget;
 mod budget_config;

@@ -1,7 +1,7 @@
 //! How does AVX-512 with VPOPCNTDQ count? Sixteen rows at once, several queries per pass.
 //!
 //! While a query has no two neighbours yet, the two best of each lane are kept
-//! ([`two_smallest_keys`]). From then on a group is only asked whether one of its rows is nearer
+//! ([`two_smallest_keys`]). From then on a group is only searched for a row that is nearer
 //! than the second best so far ([`integrate_nearer`]): one minimum and one comparison in place of
 //! six operations. Every group that says yes lowers the sum of the two best distances, so that
 //! there are at most 512 of them for a query, whatever the rows are; of 40,000 real descriptors
@@ -11,8 +11,8 @@
 //! fast as keys alone: this 1.18 (the popcounts alone would be 1.27); one question for two groups
 //! 1.12; the rows in registers and the queries passing by 1.12, in 16-bit lanes with 15 words added
 //! by carry-save 1.14; carry-save of three words here 1.05, because popcounts are not what is
-//! short; prefetching 1.17; blocks of 512 to 4,096 rows within 2 %; asking after three of four
-//! words, which 95 % of the groups fail, 0.75, because the other 5 % cannot be foretold.
+//! short; prefetching 1.17; blocks of 512 to 4,096 rows within 2 %; testing after three of four
+//! words, which 95 % of the groups fail, 0.75, because the other 5 % cannot be predicted.
 
 use std::arch::x86_64::{
     __m256i, __m512i, __mmask16, _mm256_storeu_si256, _mm512_add_epi32, _mm512_add_epi64,

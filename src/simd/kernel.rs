@@ -45,7 +45,7 @@ impl Kernel {
         .flatten()
     }
 
-    /// The fastest kernel this CPU can run, or the one that [`KERNEL_VARIABLE`] asks for.
+    /// The fastest kernel this CPU can run, or the one that [`KERNEL_VARIABLE`] names.
     ///
     /// A value of the variable that cannot be used is ignored here, because answers do not depend
     /// on the kernel; a command calls [`from_env`](Self::from_env) once at its start to report it.
@@ -55,7 +55,7 @@ impl Kernel {
         *BEST.get_or_init(|| Self::from_env().unwrap_or_else(|_| Self::detect()))
     }
 
-    /// What [`KERNEL_VARIABLE`] asks for, the fastest kernel where it is unset or empty, and an
+    /// What [`KERNEL_VARIABLE`] names, the fastest kernel where it is unset or empty, and an
     /// [`ErrorKind::Config`] error where its value is unknown or not for this CPU.
     pub fn from_env() -> Result<Self> {
         match std::env::var_os(KERNEL_VARIABLE) {

@@ -27,7 +27,7 @@
 //! Not for: other lengths than 256 bits, more than two neighbours, approximate search. The NEON
 //! kernel was held against its twin under qemu (`scripts/neon.sh`), never timed on a real
 //! processor.
-#![allow(unsafe_code)] // reason: vector instructions are unsafe to call before the CPU is asked.
+#![allow(unsafe_code)] // reason: vector instructions are unsafe to call before the CPU is known to have them.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

@@ -1,8 +1,8 @@
 //! Are the rooms of `src/` in order, and do the written rules hold?
 //!
-//! The sources are read as text: comments and strings are blanked out, test code is taken out, and what
-//! is left is searched for the paths that lead from one room to another. That needs no compiler and
-//! finds `use` lines as well as paths inside functions.
+//! The sources are read as text: comments and strings are blanked out, test code is taken out, and
+//! what is left is searched for the paths that lead from one room to another. That needs no
+//! compiler and finds `use` lines as well as paths inside functions.
 #![allow(
     clippy::unwrap_used,
     reason = "a source that cannot be read fails the test"
@@ -32,8 +32,8 @@ const ROOMS: [(&str, u32); 11] = [
     ("dataset", 8),
 ];
 
-/// What `feature` and `matching` may take from the crate of time: its errors. Vision knows nothing of
-/// time; that time knows nothing of pixels is what makes `fremen` a crate of its own.
+/// What `feature` and `matching` may take from the crate of time: its errors. Vision knows nothing
+/// of time; that time knows nothing of pixels is what makes `fremen` a crate of its own.
 const TIMELESS: [&str; 4] = ["error", "Error", "ErrorKind", "Result"];
 const VISION: [&str; 2] = ["feature", "matching"];
 
@@ -332,7 +332,8 @@ fn named_rooms(code: &str, depth: usize) -> Vec<String> {
     names_behind(code, |code, at| from_root(code, at, depth))
 }
 
-/// The first names of all paths with a prefix: `behind` says where it ends if it starts at a position.
+/// The first names of all paths with a prefix: `behind` says where it ends if it starts at a
+/// position.
 fn names_behind(code: &str, behind: impl Fn(&str, usize) -> Option<usize>) -> Vec<String> {
     let mut names = Vec::new();
     let bytes = code.as_bytes();
@@ -371,7 +372,8 @@ fn names_behind(code: &str, behind: impl Fn(&str, usize) -> Option<usize>) -> Ve
     names
 }
 
-/// Behind `crate::`, or behind as many `super::` as lead to the crate's root, if they start at `at`.
+/// Behind `crate::`, or behind as many `super::` as lead to the crate's root, if they start at
+/// `at`.
 fn from_root(code: &str, at: usize, depth: usize) -> Option<usize> {
     let rest = &code[at..];
     if rest.starts_with("crate::") {

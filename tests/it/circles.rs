@@ -1,12 +1,12 @@
 //! Do the files of a crate depend on each other in one direction only?
 //!
-//! A file depends on another if it takes a name from it: a function, a type, a constant or a macro that is
-//! defined there. `mod x;` takes nothing, and neither does a re-export: a name is taken from the file that
-//! defines it, however many `mod.rs` lie between. Files that reach each other by such steps form a circle, and
-//! none of them can be understood, tested or moved alone.
+//! A file depends on another if it takes a name from it: a function, a type, a constant or a macro
+//! that is defined there. `mod x;` takes nothing, and neither does a re-export: a name is taken
+//! from the file that defines it, however many `mod.rs` lie between. Files that reach each other by
+//! such steps form a circle, and none of them can be understood, tested or moved alone.
 //!
-//! The sources are read as text, as [`crate::source_text`] has them. Methods are not seen, because their types
-//! are not; neither are names that only a macro makes.
+//! The sources are read as text, as [`crate::source_text`] has them. Methods are not seen, because
+//! their types are not; neither are names that only a macro makes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -14,8 +14,8 @@ use std::path::Path;
 
 use crate::source_text::{blank, library_files, without_tests};
 
-/// Folders of sources, and whether the test holds their crate to the rule; `crates` stands for the `src` of
-/// every crate in it.
+/// Folders of sources, and whether the test holds their crate to the rule; `crates` stands for the
+/// `src` of every crate in it.
 const ROOTS: [(&str, bool); 3] = [("eval/src", true), ("src", true), ("crates", true)];
 
 /// The crates that `ROOTS` names, and whether each is held to the rule.
@@ -131,8 +131,8 @@ struct Tree {
 }
 
 impl Tree {
-    /// The file that defines what `path` means in `module`, and the name that is defined there; none for other
-    /// crates and for paths that only lead to a module.
+    /// The file that defines what `path` means in `module`, and the name that is defined there;
+    /// none for other crates and for paths that only lead to a module.
     fn resolve(
         &self,
         module: &[String],
@@ -478,7 +478,8 @@ fn a_circle_is_found_with_what_ties_it() {
     parent[2].1 = "use super::enter;\npub struct Door;\npub fn open() { enter() }";
     assert!(found(&parent)[0].contains("house/door.rs takes from x/src/house/mod.rs: enter"));
 
-    // By a path in the code, by the name of a module, by a star, and out of a module inside of a file.
+    // By a path in the code, by the name of a module, by a star, and out of a module inside of a
+    // file.
     for source in [
         "pub struct Street(crate::house::Door);",
         "use crate::house;\npub struct Street(house::Door);",

@@ -8,8 +8,8 @@
 //! - it *fails*: nothing is written, synced or deleted, and that is said;
 //! - it is *short*: half of it is written, and the disk is full;
 //! - it is *torn*: half of it is written, and the machine stops;
-//! - the *power* goes: of every file only what was last synced is there, and a file whose deletion was
-//!   not synced is back.
+//! - the *power* goes: of every file only what was last synced is there, and a file whose deletion
+//!   was not synced is back.
 //!
 //! The first two happen once or go on until the map is closed. Afterwards the map opens as the old
 //! or the new generation, `verify` finds nothing, and what was acknowledged is there.

@@ -98,7 +98,8 @@ fn keypoints_sizes_responses_and_bits_are_those_of_opencv() {
         let extractor = StarBrief::new(config(&star).with_num_features(usize::MAX)).expect("valid");
         let keypoints = extractor.detect(&picture, None).expect("detects");
         let features = extractor.extract(&picture, None).expect("extracts");
-        // Descriptors are matched by keypoint: one at a place may be bright and one dark, never equal.
+        // Descriptors are matched by keypoint: one at a place may be bright and one dark, never
+        // equal.
         let found = lines_of(&keypoints, &features);
         for (line, (found, expected)) in found.lines().zip(expected.lines()).enumerate() {
             assert_eq!(found, expected, "{head}: keypoint {line}");

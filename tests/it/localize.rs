@@ -22,7 +22,7 @@ struct Seen {
     features: Features,
 }
 
-/// Four places, ten rounds to learn, three to ask about.
+/// Four places, ten rounds to learn, three to query.
 struct Street {
     learn: Vec<Seen>,
     query: Vec<Seen>,
@@ -306,7 +306,7 @@ fn calibration_does_not_depend_on_the_number_of_threads() {
         .collect();
     let calibration = learnt[0].calibration().expect("the preset calibrates");
     assert_eq!(Some(calibration), learnt[1].calibration());
-    assert!(calibration.num_images() >= 40, "every visit is asked for");
+    assert!(calibration.num_images() >= 40, "every visit is queried");
     let knots = calibration.detection().knots();
     assert!(
         knots.is_sorted_by(|a, b| a.0 <= b.0 && a.1 <= b.1),
@@ -531,15 +531,15 @@ fn features_of_a_shifted_visit_share_the_first_frame() {
     let mut learner = Learner::new(cfg, MapMeta::new(7, "star-brief", "default"));
     let first = learner.observe(&observation(base)).expect("learns");
     let second = learner.observe(&observation(&shifted)).expect("learns");
-    // Twins within the image (equal descriptors) may be taken for one another, and are then born
-    // again.
+    // Duplicates within the image (equal descriptors) may be taken for one another, and are then
+    // born again.
     assert!(second.num_seen * 10 >= first.num_born * 9, "{second:?}");
     let snapshot = learner.snapshot().expect("fits together");
     let keypoints = snapshot.nodes[0].features.keypoints();
     for keypoint in &keypoints[first.num_born..] {
-        let twin = keypoints[..first.num_born]
+        let duplicate = keypoints[..first.num_born]
             .iter()
             .any(|k| (k.x - keypoint.x).abs() < 0.5 && (k.y - keypoint.y).abs() < 0.5);
-        assert!(twin, "{keypoint:?} was not moved back");
+        assert!(duplicate, "{keypoint:?} was not moved back");
     }
 }

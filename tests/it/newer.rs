@@ -46,12 +46,12 @@ fn a_forecast_that_is_taken_over_is_the_one_that_would_be_made() {
     for candidates in [PlaceSearch::Exact, PlaceSearch::Inverted] {
         for cfg in both(candidates) {
             let localizer = Localizer::new(Arc::clone(&older), cfg.clone()).expect("fits");
-            // Nobody has asked yet, so there is nothing to take over but models.
+            // Nothing was queried yet, so there is nothing to take over but models.
             let fresh = (localizer.with_snapshot(Arc::clone(&newer))).expect("fits");
             let before = answers(&localizer);
-            let asked = (localizer.with_snapshot(Arc::clone(&newer))).expect("fits");
+            let queried = (localizer.with_snapshot(Arc::clone(&newer))).expect("fits");
             let expected = answers(&fresh);
-            assert!(answers(&asked) == expected, "{cfg:?}");
+            assert!(answers(&queried) == expected, "{cfg:?}");
             assert!(before != expected, "the maps differ");
             // The same without anything in common but contents, and without anything at all.
             let apart = Snapshot {

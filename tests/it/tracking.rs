@@ -104,7 +104,7 @@ fn a_way_through_the_street_is_followed_and_a_kidnapping_is_noticed() {
             }
         }
     }
-    let asked = schedule.query.len() * (ROUTE.len() - 2);
-    assert!(followed >= alone, "{followed} < {alone} of {asked}");
+    let num_queries = schedule.query.len() * (ROUTE.len() - 2);
+    assert!(followed >= alone, "{followed} < {alone} of {num_queries}");
     assert!(located[1] > located[0], "{located:?}");
 }

@@ -1,4 +1,5 @@
-//! The NEON kernel against its scalar twin, on a processor or an emulator that has it: `scripts/neon.sh`.
+//! The NEON kernel against its scalar twin, on a processor or an emulator that has it:
+//! `scripts/neon.sh`.
 
 use crate::simd::{Kernel, NearestTwo, PackedDescriptors};
 
@@ -20,7 +21,8 @@ impl Random {
         (self.next() >> 11) as usize % limit
     }
 
-    /// Of four sorts: any bits, few bits, all or no bits of a word, nearly equal rows with many ties.
+    /// Of four sorts: any bits, few bits, all or no bits of a word, nearly equal rows with many
+    /// ties.
     fn rows(&mut self, count: usize, sort: usize) -> Vec<[u64; 4]> {
         let mut word = || match sort {
             0 => self.next(),

@@ -34,7 +34,7 @@ pub enum ErrorKind {
     AlreadyExists,
     /// Somebody else was faster; the same call may succeed after what it works on was read again.
     Conflict,
-    /// The caller asked to stop; everything acknowledged so far is kept.
+    /// The caller interrupted it; everything acknowledged so far is kept.
     Interrupted,
 }
 

@@ -194,7 +194,7 @@ fn feature_picture(
     })
 }
 
-/// The features that change most; see [`telling`].
+/// The features that change most; see [`most_informative`].
 fn curves(data: &ExtractedDataset, showcase: &Showcase) -> Vec<ProbabilityCurve> {
     let Some(query_time) = query_time(showcase) else {
         return Vec::new();

@@ -17,13 +17,16 @@ use chronotope::localize::{
 };
 use chronotope::map::{Map, MapMeta, Quarantine, SessionId, Snapshot, read_file_storage};
 use chronotope::trace::Trace;
+use chronotope::visibility::decode;
+use fremen::Series;
+use fremen::series::Columns;
 use serde::de::DeserializeOwned;
 
 /// Takes bytes from anywhere and must come back.
 type Target = fn(&[u8]);
 
 /// Every target by its name.
-const TARGETS: [(&str, Target); 10] = [
+const TARGETS: [(&str, Target); 12] = [
     ("map_file", map_file),
     ("index_csv", index_csv),
     ("manifest", manifest),
@@ -34,6 +37,8 @@ const TARGETS: [(&str, Target); 10] = [
     ("exported_folder", exported_folder),
     ("file_storage", file_storage),
     ("query_form", query_form),
+    ("series", series),
+    ("visibility_model", visibility_model),
 ];
 
 /// What other rooms keep with a map, as the first byte of an input of [`attachment`] numbers them.
@@ -365,6 +370,32 @@ pub(crate) fn file_storage(bytes: &[u8]) {
         let num_features = place.features.len();
         assert!(place.seen.iter().all(|row| row.len() == num_features));
     }
+}
+
+/// A series of times and states.
+pub(crate) fn series(bytes: &[u8]) {
+    let Ok(series) = Series::parse_csv(bytes, Columns::default()) else {
+        return;
+    };
+    assert!(!series.is_empty());
+    // Fitting takes time that grows with the samples.
+    if series.len() <= 500 {
+        let model = series.learn().expect("few samples");
+        assert!((0.0..=1.0).contains(&model.p(Time::from_s(0))));
+    }
+}
+
+/// A fitted model of visibility, as an index cache or a file of a user's own holds it.
+pub(crate) fn visibility_model(bytes: &[u8]) {
+    let Ok(model) = decode(bytes) else {
+        return;
+    };
+    let mut p = vec![f64::NAN; model.num_features()];
+    for time in [i64::MIN, -1, 0, 1_700_000_000_000_000, i64::MAX].map(Time::from_us) {
+        model.predict_into(time, &mut p);
+        assert!(p.iter().all(|p| (0.0..=1.0).contains(p)), "{p:?}");
+    }
+    assert!(model.encode().is_some_and(|again| decode(&again).is_ok()));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use crate::localize::Localizer;
 use crate::map::{Node, NodeId};
-use fremen::visibility::Observation;
+use fremen::visibility::FeatureState;
 
 /// The most informative feature of each place, the most informative of all first: the one whose
 /// p(t) swings furthest; where too few swing, the one whose history is split most evenly between
@@ -53,10 +53,10 @@ fn most_split(node: &Node) -> Option<(f64, usize)> {
         .map(|feature| {
             let (mut seen, mut missed) = (0.0, 0.0);
             for visit in node.log.birth(feature)..node.log.num_visits() {
-                match node.log.observation(visit, feature) {
-                    Some(Observation::Seen) => seen += 1.0,
-                    Some(Observation::NotSeen) => missed += 1.0,
-                    Some(Observation::NotObservable) | None => {}
+                match node.log.state(visit, feature) {
+                    Some(FeatureState::Seen) => seen += 1.0,
+                    Some(FeatureState::NotSeen) => missed += 1.0,
+                    Some(FeatureState::NotObservable) | None => {}
                 }
             }
             (seen * missed / f64::max(seen + missed, 1.0), feature)

@@ -16,7 +16,7 @@ use crate::localize::{Candidate, Localization, Localizer};
 use crate::map::{Node, NodeId, PlaceKey, Snapshot};
 use fremen::error::Result;
 use fremen::time::Time;
-use fremen::visibility::{Observation, VisibilityModel};
+use fremen::visibility::{FeatureState, VisibilityModel};
 
 /// Points of a curve p(t).
 pub const MAX_CURVE_POINTS: usize = 3_000;
@@ -228,10 +228,10 @@ fn curve(
     let node = snapshot.node(id);
     let times = node.log.times();
     let seen: Vec<Option<bool>> = (0..times.len())
-        .map(|visit| match node.log.observation(visit, feature) {
-            Some(Observation::Seen) => Some(true),
-            Some(Observation::NotSeen) => Some(false),
-            Some(Observation::NotObservable) | None => None,
+        .map(|visit| match node.log.state(visit, feature) {
+            Some(FeatureState::Seen) => Some(true),
+            Some(FeatureState::NotSeen) => Some(false),
+            Some(FeatureState::NotObservable) | None => None,
         })
         .collect();
     let ends = || times.iter().copied().chain(now);

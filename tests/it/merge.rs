@@ -9,7 +9,7 @@ use chronotope::map::{
     AppearanceUse, Edge, MapMeta, Node, PlaceKey, Quarantine, QuarantineReason, QuarantinedVisit,
     Reobservation, SessionId, Snapshot, Visit, VisitId, derived_uuid,
 };
-use chronotope::visibility::{BitRow, Observation as Statement};
+use chronotope::visibility::{BitRow, FeatureState as Statement};
 use chronotope::{ErrorKind, Time};
 use proptest::prelude::*;
 
@@ -158,7 +158,7 @@ fn statement(map: &Snapshot, key: &PlaceKey, visit: VisitId, feature: u8) -> Opt
         node.features.keypoints()[i] == keypoint && node.features.descriptors()[i] == descriptor
     });
     columns
-        .filter_map(|i| node.log.observation(at, i))
+        .filter_map(|i| node.log.state(at, i))
         .min_by_key(|it| *it as u8)
 }
 

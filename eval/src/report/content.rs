@@ -53,7 +53,7 @@ pub enum TimeAxis {
 
 /// One visit of a feature's place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Observation {
+pub struct ObservedState {
     /// In the unit of the curve's axis.
     pub time: f64,
     /// Whether the feature was seen; `None` where it could not be observed.
@@ -68,7 +68,7 @@ pub struct ProbabilityCurve {
     /// Unit of all times here.
     pub axis: TimeAxis,
     /// What was observed, in any order.
-    pub observations: Vec<Observation>,
+    pub observations: Vec<ObservedState>,
     /// Time and p(t), ascending in time.
     pub curve: Vec<(f64, f64)>,
     /// When the query was taken.

@@ -30,7 +30,7 @@ use chronotope::Result;
 
 use crate::results::{SuiteResults, write_atomically};
 pub use content::{
-    FeatureClass, FeaturePicture, GalleryImage, Mistake, Observation, PicturedFeature, Pictures,
+    FeatureClass, FeaturePicture, GalleryImage, Mistake, ObservedState, PicturedFeature, Pictures,
     ProbabilityCurve, Raster, RasterRow, TimeAxis,
 };
 use headline::Headline;

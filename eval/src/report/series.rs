@@ -12,7 +12,7 @@ use super::axis::probability_lines;
 use super::html::{Esc, put};
 use super::page::{document, run_again};
 use super::plot::{Point, Scale, Series, SharePlot, path};
-use crate::results::{Order, write_atomically};
+use crate::results::{RowOrder, write_atomically};
 use crate::series::sampling::Sampling;
 use crate::series::{Drawing, Measured, Row, SeriesResults, Spectrum, facts, is_in_table};
 use chronotope::spectrum::PeriodogramLine;
@@ -291,7 +291,7 @@ fn order_plot(
     let mut by_model: BTreeMap<&str, Vec<(u32, &Row)>> = BTreeMap::new();
     let mut last = 0;
     for row in rows() {
-        if let Order::Fixed(order) = row.order
+        if let RowOrder::Fixed(order) = row.order
             && row.model != "mean"
         {
             by_model.entry(&row.model).or_default().push((order, row));
@@ -536,8 +536,8 @@ fn summary_row(html: &mut String, row: &Row) {
         look(&row.model).0,
         Esc(&row.model),
         match row.order {
-            Order::Fixed(order) => order.to_string(),
-            Order::Auto => "-1".to_owned(),
+            RowOrder::Fixed(order) => order.to_string(),
+            RowOrder::Auto => "-1".to_owned(),
         },
         row.order,
         percent(row.estimation_error),

@@ -6,7 +6,7 @@
 //! what was counted before.
 
 use super::content::{
-    FeatureClass, FeaturePicture, GalleryImage, Mistake, Observation, PicturedFeature, Pictures,
+    FeatureClass, FeaturePicture, GalleryImage, Mistake, ObservedState, PicturedFeature, Pictures,
     ProbabilityCurve, Raster, RasterRow, TimeAxis,
 };
 use super::headline::Headline;
@@ -264,10 +264,10 @@ fn raster(data: &ExtractedDataset, showcase: &Showcase) -> Option<Raster> {
 
 /// Whether a feature was seen; before its birth nobody could.
 fn seen(node: &Node, visit: usize, feature: usize) -> Option<bool> {
-    match node.log.observation(visit, feature) {
-        Some(visibility::Observation::Seen) => Some(true),
-        Some(visibility::Observation::NotSeen) => Some(false),
-        Some(visibility::Observation::NotObservable) | None => None,
+    match node.log.state(visit, feature) {
+        Some(visibility::FeatureState::Seen) => Some(true),
+        Some(visibility::FeatureState::NotSeen) => Some(false),
+        Some(visibility::FeatureState::NotObservable) | None => None,
     }
 }
 
@@ -319,7 +319,7 @@ fn curve(
         .map(|visit| seen(node, visit, feature))
         .collect();
     let observations = (times.iter().zip(&history))
-        .map(|(time, &seen)| Observation {
+        .map(|(time, &seen)| ObservedState {
             time: along(*time),
             seen,
         })

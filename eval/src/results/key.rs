@@ -8,14 +8,14 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// How many periodic components a model may use: a number, or chosen by held-out visits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Order {
+pub enum RowOrder {
     /// Exactly this many; 0 is the mean alone. In JSON a number.
     Fixed(u32),
     /// Chosen by the model itself. In JSON `"auto"`.
     Auto,
 }
 
-impl fmt::Display for Order {
+impl fmt::Display for RowOrder {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Fixed(order) => f.pad(&order.to_string()),
@@ -24,7 +24,7 @@ impl fmt::Display for Order {
     }
 }
 
-impl FromStr for Order {
+impl FromStr for RowOrder {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
@@ -40,7 +40,7 @@ impl FromStr for Order {
     }
 }
 
-impl Serialize for Order {
+impl Serialize for RowOrder {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
             Self::Fixed(order) => serializer.serialize_u32(*order),
@@ -49,7 +49,7 @@ impl Serialize for Order {
     }
 }
 
-impl<'de> Deserialize<'de> for Order {
+impl<'de> Deserialize<'de> for RowOrder {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
         #[serde(untagged, expecting = "an order is a number or \"auto\"")]
@@ -77,7 +77,7 @@ pub struct Variant {
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub score: String,
     /// Components of the model.
-    pub order: Order,
+    pub order: RowOrder,
 }
 
 impl Variant {

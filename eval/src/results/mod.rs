@@ -27,6 +27,6 @@ pub use judgement::{
     Against, AtRisk, Bin, Calibration, Decisions, InMap, Judgement, Measured, Mixed, OutOfMap,
     Outcome, PrecisionRecall, Retrieval,
 };
-pub use key::{Order, RowKey, Variant};
+pub use key::{RowKey, RowOrder, Variant};
 pub use rows::{LeakCheck, Reobservation, Row, StageLatency, VisibilityError};
 pub use suite_results::{SCHEMA_VERSION, SuiteResults};

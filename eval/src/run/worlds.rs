@@ -10,7 +10,7 @@ use crate::data::{ExtractedDataset, Worlds, extractor, prefix, split_at};
 use crate::judge::rates::PairedDifference;
 use crate::progress::Progress;
 use crate::provenance::sha256;
-use crate::results::{Order, SuiteResults, Variant};
+use crate::results::{RowOrder, SuiteResults, Variant};
 use crate::suite::Suite;
 
 /// The number of features at which a synthetic suite compares methods in words.
@@ -90,7 +90,7 @@ fn against_static(results: &SuiteResults, title: &str) -> Vec<String> {
         let fixed = Variant {
             method: "static".into(),
             model: "mean".into(),
-            order: Order::Fixed(0),
+            order: RowOrder::Fixed(0),
             ..fremen.clone()
         };
         let [fremen, fixed] = [fremen.at(COMPARED_N), fixed.at(COMPARED_N)];

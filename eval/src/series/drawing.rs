@@ -7,7 +7,7 @@ use super::data::{Series, SeriesDataset, State};
 use super::models::{BASELINE, DEFAULT, Instant, forecasts};
 use super::results::Drawing;
 use super::sampling::Sampling;
-use crate::results::Order;
+use crate::results::RowOrder;
 
 /// Points of a drawn p(t).
 const NUM_DRAWN: usize = 700;
@@ -17,10 +17,10 @@ const MAX_DRAWN: usize = 4;
 
 /// p(t) of three models over the query time, learnt from everything and from office hours.
 pub(super) fn drawings(dataset: &SeriesDataset, share: f64) -> Result<Vec<Drawing>> {
-    const DRAWN: [(&str, Order); 3] = [
-        (BASELINE, Order::Fixed(0)),
-        ("fremen-running-mean", Order::Fixed(2)),
-        (DEFAULT, Order::Auto),
+    const DRAWN: [(&str, RowOrder); 3] = [
+        (BASELINE, RowOrder::Fixed(0)),
+        ("fremen-running-mean", RowOrder::Fixed(2)),
+        (DEFAULT, RowOrder::Auto),
     ];
     // The liveliest series, since one that never changes shows nothing.
     let mut series: Vec<&Series> = dataset.series.iter().collect();
@@ -57,7 +57,7 @@ pub(super) fn drawings(dataset: &SeriesDataset, share: f64) -> Result<Vec<Drawin
                     .iter()
                     .find(|f| f.model == *model && f.order == *order)?;
                 let name = match order {
-                    Order::Fixed(order @ 1..) => format!("{model}, order {order}"),
+                    RowOrder::Fixed(order @ 1..) => format!("{model}, order {order}"),
                     _ => (*model).to_owned(),
                 };
                 let p = times.iter().map(|&time| {

@@ -12,7 +12,7 @@ use super::sampling::Sampling;
 use super::score::{Score, same};
 use super::spectrum;
 use crate::progress::Progress;
-use crate::results::Order;
+use crate::results::RowOrder;
 use crate::suite::Suite;
 
 /// With fewer days than this among the queries, blocks are hours.
@@ -158,7 +158,7 @@ fn block(series: &[Series]) -> Period {
 fn in_words(results: &SeriesResults) -> Vec<String> {
     let said = Sampling::ALL.into_iter().filter_map(|sampling| {
         let (ours, literal) = (results.default_row(sampling)?, results.literal(sampling)?);
-        let mean = results.row(sampling, BASELINE, Order::Fixed(0))?;
+        let mean = results.row(sampling, BASELINE, RowOrder::Fixed(0))?;
         let difference = ours.brier_against_mean;
         let change = 100.0 * (ours.brier.value / literal.brier.value - 1.0);
         Some(format!(

@@ -10,7 +10,7 @@ use chronotope::visibility::{BitRow, HistoryLog, VisibilityConfig, VisibilityMod
 use chronotope::{Period, Time};
 
 use super::data::State;
-use crate::results::Order;
+use crate::results::RowOrder;
 
 /// The highest order of FreMEn that is tried.
 pub const MAX_ORDER: usize = 10;
@@ -43,7 +43,7 @@ pub struct Forecast {
     /// Its name in tables.
     pub model: &'static str,
     /// How many rhythms it has, or that it chooses.
-    pub order: Order,
+    pub order: RowOrder,
     predictor: Predictor,
 }
 
@@ -137,8 +137,8 @@ pub fn forecasts(states: &[State], wanted: impl Fn(&str) -> bool) -> Result<Vec<
         forecasts.push(Forecast {
             model,
             order: match model {
-                BASELINE => Order::Fixed(0),
-                _ => Order::Auto,
+                BASELINE => RowOrder::Fixed(0),
+                _ => RowOrder::Auto,
             },
             predictor: Predictor::Fitted(fit(log, &cfg, Visits::All)?),
         });
@@ -158,12 +158,12 @@ pub fn forecasts(states: &[State], wanted: impl Fn(&str) -> bool) -> Result<Vec<
         }
         forecasts.push(Forecast {
             model,
-            order: Order::Auto,
+            order: RowOrder::Auto,
             predictor: Predictor::Rhythms(fremen.rhythms(held_out_order(states, balance)?)),
         });
         forecasts.extend((1..=MAX_ORDER).map(|order| Forecast {
             model,
-            order: Order::Fixed(order as u32),
+            order: RowOrder::Fixed(order as u32),
             predictor: Predictor::Rhythms(fremen.rhythms(order)),
         }));
     }
@@ -175,7 +175,7 @@ pub fn forecasts(states: &[State], wanted: impl Fn(&str) -> bool) -> Result<Vec<
             let spectrum = learner.build_with_missing(states[0].0, step, &samples, order)?;
             forecasts.push(Forecast {
                 model: FFT,
-                order: Order::Fixed(order as u32),
+                order: RowOrder::Fixed(order as u32),
                 predictor: Predictor::Uniform(spectrum),
             });
         }

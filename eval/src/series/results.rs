@@ -9,7 +9,7 @@ use super::models::LITERAL;
 use super::sampling::Sampling;
 use super::spectrum::Spectrum;
 use crate::judge::statistics::Estimate;
-use crate::results::{Order, write_atomically};
+use crate::results::{RowOrder, write_atomically};
 
 /// The version of the file.
 pub(super) const SCHEMA_VERSION: u32 = 1;
@@ -45,7 +45,7 @@ pub struct Row {
     /// Its name.
     pub model: String,
     /// How many rhythms it has, or that it chooses.
-    pub order: Order,
+    pub order: RowOrder,
     /// Samples learnt, mean over draws.
     pub num_learnt: f64,
     /// Share of wrong states at p >= 1/2 among the samples it was learnt from.
@@ -124,7 +124,7 @@ pub struct SeriesResults {
 
 impl SeriesResults {
     /// The row of a sampling, model and order.
-    pub fn row(&self, sampling: Sampling, model: &str, order: Order) -> Option<&Row> {
+    pub fn row(&self, sampling: Sampling, model: &str, order: RowOrder) -> Option<&Row> {
         let mut rows = self.rows.iter();
         rows.find(|row| row.sampling == sampling && row.model == model && row.order == order)
     }
@@ -138,7 +138,7 @@ impl SeriesResults {
     /// FreMEn as the papers print it, its order chosen on held-out samples as they do; of the two
     /// papers the one that comes out better.
     pub fn literal(&self, sampling: Sampling) -> Option<&Row> {
-        let rows = (LITERAL.iter()).filter_map(|model| self.row(sampling, model, Order::Auto));
+        let rows = (LITERAL.iter()).filter_map(|model| self.row(sampling, model, RowOrder::Auto));
         rows.min_by(|a, b| a.brier.value.total_cmp(&b.brier.value))
     }
 
@@ -152,7 +152,7 @@ impl SeriesResults {
 
 /// Tables show the orders of the papers' tables; the file and the plots all.
 pub(crate) fn is_in_table(row: &Row) -> bool {
-    matches!(row.order, Order::Auto | Order::Fixed(0..=3 | 5))
+    matches!(row.order, RowOrder::Auto | RowOrder::Fixed(0..=3 | 5))
 }
 
 /// What was measured on what, and how to measure it again.

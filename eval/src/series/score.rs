@@ -7,7 +7,7 @@ use super::data::{Series, State};
 use super::models::{Forecast, Instant};
 use super::results::Measured;
 use crate::judge::statistics::Sample;
-use crate::results::Order;
+use crate::results::RowOrder;
 
 /// Log loss takes p no closer to 0 or 1 than this, since one certain mistake would be infinite.
 const LEAST_P: f64 = 1e-3;
@@ -31,7 +31,7 @@ impl Block {
 /// What one forecast is worth, in sums that draws and series add up to.
 pub(super) struct Score {
     pub(super) model: &'static str,
-    pub(super) order: Order,
+    pub(super) order: RowOrder,
     pub(super) num_learnt: f64,
     /// Wrong states and samples among what was learnt.
     pub(super) learnt: [f64; 2],

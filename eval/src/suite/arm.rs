@@ -6,7 +6,7 @@ use chronotope::visibility::VisibilityConfig;
 use chronotope::{Period, Result};
 use serde::Deserialize;
 
-use crate::results::{Order, Variant};
+use crate::results::{RowOrder, Variant};
 
 /// One preset with what it is run with.
 #[derive(Clone, Debug, Deserialize)]
@@ -79,7 +79,7 @@ impl Run {
             method: self.localizer.method().name().into(),
             model: self.model.clone(),
             score: score.name().into(),
-            order: Order::Fixed(self.order),
+            order: RowOrder::Fixed(self.order),
         }
     }
 }

@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 use chronotope::feature::GrayImage;
 use chronotope::trace::SpectrumSummary;
 use chronotope_eval::report::{
-    FeatureClass, FeaturePicture, GalleryImage, Mistake, Observation, PicturedFeature, Pictures,
+    FeatureClass, FeaturePicture, GalleryImage, Mistake, ObservedState, PicturedFeature, Pictures,
     ProbabilityCurve, Raster, RasterRow, TimeAxis,
 };
 
@@ -69,7 +69,7 @@ fn rhythm(title: &str, visits: u32, span_s: f64, period_s: f64, peak: f64) -> Pr
         title: title.into(),
         axis: TimeAxis::UnixSeconds,
         observations: (0..visits)
-            .map(|i| Observation {
+            .map(|i| ObservedState {
                 time: time(i),
                 seen: (i > 0).then(|| chance(&[title, &i.to_string()]) < p(time(i))),
             })

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use anyhow::Context as _;
 use chronotope_eval::report;
-use chronotope_eval::results::Order;
+use chronotope_eval::results::RowOrder;
 use chronotope_eval::run::RunOptions;
 use chronotope_eval::series::sampling::Sampling;
 use chronotope_eval::series::{self, SeriesResults};
@@ -42,7 +42,7 @@ fn edges_are_learnt_judged_and_drawn() {
     assert_eq!(results.num_series, 2);
     assert!(results.notes.iter().any(|note| note.contains("c_d")));
     for sampling in Sampling::ALL {
-        let mean = results.row(sampling, "mean", Order::Fixed(0)).unwrap();
+        let mean = results.row(sampling, "mean", RowOrder::Fixed(0)).unwrap();
         let zero = mean.brier_against_mean;
         assert_eq!((zero.value, zero.low, zero.high), (0.0, 0.0, 0.0));
         for row in results.rows.iter().filter(|row| row.sampling == sampling) {

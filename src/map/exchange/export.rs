@@ -10,7 +10,7 @@ use crate::map::node::Node;
 use crate::map::snapshot::Snapshot;
 use crate::map::types::{Edge, MapMeta};
 use fremen::error::{Error, ErrorKind, Result};
-use fremen::visibility::Observation;
+use fremen::visibility::FeatureState;
 
 impl Snapshot {
     /// Writes the map into `folder`, which must not exist yet or be empty.
@@ -33,10 +33,10 @@ impl Snapshot {
             for (at, visit) in node.visits.iter().enumerate() {
                 visits.push(visit_row(node, at));
                 let len = node.log.seen_row(at).len();
-                seen.extend((0..len).map(|i| match node.log.observation(at, i) {
-                    Some(Observation::Seen) => 1,
-                    Some(Observation::NotSeen) => 0,
-                    Some(Observation::NotObservable) | None => u8::MAX,
+                seen.extend((0..len).map(|i| match node.log.state(at, i) {
+                    Some(FeatureState::Seen) => 1,
+                    Some(FeatureState::NotSeen) => 0,
+                    Some(FeatureState::NotObservable) | None => u8::MAX,
                 }));
                 let row = node.experience_log.seen_row(at);
                 located_by.extend((0..row.len()).map(|i| u8::from(row.get(i))));

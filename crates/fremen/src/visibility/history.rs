@@ -5,7 +5,7 @@ use crate::time::Time;
 
 /// What one visit says of one feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Observation {
+pub enum FeatureState {
     /// It was matched.
     Seen,
     /// It could have been matched and was not.
@@ -189,15 +189,15 @@ impl HistoryLog {
     }
 
     /// What `visit` says of `feature`; `None` before its birth.
-    pub fn observation(&self, visit: usize, feature: usize) -> Option<Observation> {
+    pub fn state(&self, visit: usize, feature: usize) -> Option<FeatureState> {
         if feature >= self.seen[visit].len() {
             None
         } else if self.seen[visit].get(feature) {
-            Some(Observation::Seen)
+            Some(FeatureState::Seen)
         } else if self.hidden[visit].as_ref().is_some_and(|h| h.get(feature)) {
-            Some(Observation::NotObservable)
+            Some(FeatureState::NotObservable)
         } else {
-            Some(Observation::NotSeen)
+            Some(FeatureState::NotSeen)
         }
     }
 }
@@ -228,8 +228,8 @@ mod tests {
             .expect("fits");
         log.push_visit(Time::from_s(1), row(2, &[1]), Some(row(2, &[0])))
             .expect("fits");
-        assert_eq!(log.observation(0, 1), None);
-        assert_eq!(log.observation(1, 0), Some(Observation::NotObservable));
+        assert_eq!(log.state(0, 1), None);
+        assert_eq!(log.state(1, 0), Some(FeatureState::NotObservable));
         assert_eq!(log.birth(1), 1);
     }
 

@@ -84,7 +84,7 @@ pub use decode::decode;
 pub use fit::{Visits, fit};
 pub use fremen::Fremen;
 pub use histogram::Histogram;
-pub use history::{BitRow, HistoryLog, Observation};
+pub use history::{BitRow, FeatureState, HistoryLog};
 pub use logistic::Logistic;
 pub use markov::Markov;
 pub use mean::Mean;

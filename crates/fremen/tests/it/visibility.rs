@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 
 use fremen::spectrum::CandidatePeriods;
 use fremen::visibility::{
-    BeforeBirth, BitRow, Guards, HeldOut, HistoryLog, ModelConfig, Observation, Order, Split,
+    BeforeBirth, BitRow, FeatureState, Guards, HeldOut, HistoryLog, ModelConfig, Order, Split,
     VisibilityConfig, VisibilityModel, Visits, fit,
 };
 use fremen::{Period, Time};
@@ -88,10 +88,10 @@ fn observations(
     (0..log.num_visits())
         .filter(|&visit| chosen[visit])
         .filter_map(|visit| {
-            let state = match (log.observation(visit, feature), before_birth) {
-                (Some(Observation::Seen), _) => 1.0,
-                (Some(Observation::NotSeen), _) | (None, BeforeBirth::NotSeen) => 0.0,
-                (Some(Observation::NotObservable), _) | (None, BeforeBirth::NotObservable) => {
+            let state = match (log.state(visit, feature), before_birth) {
+                (Some(FeatureState::Seen), _) => 1.0,
+                (Some(FeatureState::NotSeen), _) | (None, BeforeBirth::NotSeen) => 0.0,
+                (Some(FeatureState::NotObservable), _) | (None, BeforeBirth::NotObservable) => {
                     return None;
                 }
             };

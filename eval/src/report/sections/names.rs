@@ -2,7 +2,7 @@
 
 use crate::report::headline::BASELINE;
 use crate::report::html::put;
-use crate::results::{Order, Row, Variant};
+use crate::results::{Row, RowOrder, Variant};
 
 /// Index into the colours of the style sheet, the same for a method in all plots.
 pub(super) fn colour(method: &str) -> usize {
@@ -30,9 +30,9 @@ pub(in crate::report) fn label(variant: &Variant) -> String {
         put!(text, " {}", variant.model);
     }
     match variant.order {
-        Order::Fixed(0) => {}
-        Order::Fixed(order) => put!(text, ", order {order}"),
-        Order::Auto => text.push_str(", order auto"),
+        RowOrder::Fixed(0) => {}
+        RowOrder::Fixed(order) => put!(text, ", order {order}"),
+        RowOrder::Auto => text.push_str(", order auto"),
     }
     text
 }

@@ -28,7 +28,7 @@
 //!         session: SessionId::derive("one run"),
 //!         time: entry.time,
 //!         features: &features,
-//!         image_size: (image.width() as u32, image.height() as u32),
+//!         image_size: image.size(),
 //!         mask: None,
 //!         source: entry.id,
 //!     })?;

@@ -96,7 +96,7 @@ fn street() -> &'static Street {
                     session: SessionId::derive("learn"),
                     time: entry.time,
                     features: &features,
-                    image_size: (image.width() as u32, image.height() as u32),
+                    image_size: image.size(),
                     mask: None,
                     source: entry.id.clone(),
                 };

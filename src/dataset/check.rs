@@ -1,4 +1,4 @@
-//! Is this dataset complete, readable and free of identical?
+//! Is this dataset complete, readable and free of duplicates?
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -43,7 +43,7 @@ pub struct CheckReport {
     pub visits: BTreeMap<Time, usize>,
     /// How many images have which size, after turning, cutting and resizing.
     pub image_sizes: Vec<SizeCount>,
-    /// Entries with the same pixels, by id: identical that must not be on both sides of an
+    /// Entries with the same pixels, by id: duplicates that must not be on both sides of an
     /// evaluation.
     pub duplicates: Vec<Vec<String>>,
     /// What was left out when the dataset was opened, and what cannot be decoded.
@@ -73,7 +73,7 @@ pub struct SizeCount {
 }
 
 impl CheckReport {
-    /// Whether nothing is wrong; identical are a property of the data, not a fault of the copy.
+    /// Whether nothing is wrong; duplicates are a property of the data, not a fault of the copy.
     pub fn is_clean(&self) -> bool {
         self.problems.is_empty()
     }
@@ -124,7 +124,7 @@ impl fmt::Display for CheckReport {
         }
         writeln!(f, "sha256    {} (of the index)", self.dataset_sha256)?;
         for ids in &self.duplicates {
-            writeln!(f, "identical     {}", ids.join(" = "))?;
+            writeln!(f, "duplicate {}", ids.join(" = "))?;
         }
         for problem in &self.problems {
             writeln!(f, "problem   {problem}")?;

@@ -17,8 +17,10 @@ use opencv::features2d::{
 use opencv::prelude::*;
 
 use super::brief::{self, BORDER_PX};
+use super::extractor::Extractor;
+use super::extractor_config::ExtractorConfig;
 use super::selection::{check_mask, drop_masked, sort_keypoints};
-use super::{Extractor, ExtractorConfig, Features, GrayImage, Keypoint};
+use super::types::{Features, GrayImage, Keypoint};
 use crate::simd::Kernel;
 use fremen::error::{Error, ErrorKind, Result};
 

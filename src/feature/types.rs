@@ -53,6 +53,11 @@ impl GrayImage {
         (self.width, self.height, self.data) = (width, height, data);
     }
 
+    /// Columns and rows, px.
+    pub fn size(&self) -> (u32, u32) {
+        (self.width as u32, self.height as u32)
+    }
+
     /// Columns.
     pub fn width(&self) -> usize {
         self.width

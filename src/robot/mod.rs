@@ -229,7 +229,7 @@ impl Robot {
     pub fn see_frame(&mut self, frame: &Frame<'_>) -> Result<&Localization> {
         self.go_on_with_newer_map()?;
         let mask = both(frame.mask, self.mask.as_ref())?;
-        let image_size = (frame.image.width() as u32, frame.image.height() as u32);
+        let image_size = frame.image.size();
 
         let begun = Instant::now();
         self.features = self.extractor.extract(frame.image, mask.as_ref())?;
@@ -364,7 +364,7 @@ impl Robot {
             },
             session: self.session,
             features: self.features.clone(),
-            image_size: (frame.image.width() as u32, frame.image.height() as u32),
+            image_size: frame.image.size(),
             mask,
             source: frame.source.to_owned(),
         };

@@ -806,7 +806,7 @@ fn a_turn_comes_before_the_crop() {
 }
 
 #[test]
-fn checking_counts_finds_twins_and_lists_what_cannot_be_decoded() {
+fn checking_counts_finds_duplicates_and_lists_what_cannot_be_decoded() {
     let folder = Folder::new();
     folder
         .image("a.png", 1)
@@ -850,7 +850,7 @@ fn checking_counts_finds_twins_and_lists_what_cannot_be_decoded() {
         text.contains("images    4 listed, 2 readable, 1 distinct"),
         "{text}"
     );
-    assert!(text.contains("twins     a.png = b.png"), "{text}");
+    assert!(text.contains("duplicate a.png = b.png"), "{text}");
     serde_json::to_string(&report).unwrap();
 }
 

@@ -295,15 +295,29 @@ fn where_no_index_cache_can_be_written_the_map_opens_all_the_same() {
 }
 
 #[test]
-fn a_model_without_an_index_cache_opens_as_always() {
+fn every_model_has_an_index_cache() {
     let (_folder, path, map) = stored(3);
-    let markov = VisibilityConfig::from_toml("model = { kind = \"markov\" }").expect("a model");
-    let cfg = cfg().with_visibility(markov);
-    let expected = answers(&Localizer::new(map.snapshot(), cfg.clone()).expect("fits"));
-    let localizer = Localizer::open(&path, cfg.clone()).expect("opens");
-    assert_eq!(answers(&localizer), expected);
-    assert!(index_caches(&path).is_empty());
-    let missing = Localizer::open(path.with_extension("none"), cfg).expect_err("no map");
+    for (at, model) in [
+        "kind = 'mean'",
+        "kind = 'markov'",
+        "kind = 'persistent', of = { kind = 'natural' }",
+        "kind = 'histogram', period-s = 86400.0, num-bins = 6",
+        "kind = 'logistic', candidates = { base-s = 86400.0, count = 3 }",
+    ]
+    .iter()
+    .enumerate()
+    {
+        let model =
+            VisibilityConfig::from_toml(&format!("model = {{ {model} }}")).expect("a model");
+        let cfg = cfg().with_visibility(model);
+        let expected = answers(&Localizer::new(map.snapshot(), cfg.clone()).expect("fits"));
+        for _ in 0..2 {
+            let localizer = Localizer::open(&path, cfg.clone()).expect("opens");
+            assert_eq!(answers(&localizer), expected);
+            assert_eq!(index_caches(&path).len(), 1 + at);
+        }
+    }
+    let missing = Localizer::open(path.with_extension("none"), cfg()).expect_err("no map");
     assert!(missing.to_string().contains("town.none"), "{missing}");
 }
 

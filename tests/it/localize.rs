@@ -38,7 +38,7 @@ fn street() -> &'static Street {
             (dataset.entries.into_iter())
                 .map(|entry| {
                     let image = entry.source.load().expect("renders");
-                    assert_eq!((image.width() as u32, image.height() as u32), SIZE);
+                    assert_eq!(image.size(), SIZE);
                     let features = extractor.extract(&image, None).expect("extracts");
                     Seen { entry, features }
                 })
@@ -454,7 +454,7 @@ fn learning_the_same_visit_twice_is_refused_and_changes_nothing() {
     let before = learner.snapshot().expect("fits together");
     let again = observation(&street().learn[0]);
     let error = learner.observe(&again).expect_err("known visit");
-    assert_eq!(error.kind(), ErrorKind::Config);
+    assert_eq!(error.kind(), ErrorKind::AlreadyExists);
     let mut bad = observation(&street().query[0]);
     bad.image_size = (1, 1);
     assert_eq!(

@@ -13,18 +13,18 @@ use chronotope::robot::{Event, Frame, Robot, RobotConfig};
 use chronotope::{ErrorKind, Period, Time};
 
 const NUM_PLACES: usize = 3;
+/// Rounds of the first year: enough that what is seen is located.
+const NUM_ROUNDS: usize = 40;
+/// The rendered street's.
+const WIDTH: usize = 448;
+const HEIGHT: usize = 384;
 
 fn world() -> &'static World {
     static WORLD: OnceLock<World> = OnceLock::new();
-    WORLD.get_or_init(|| {
-        let cfg = WorldConfig::new(7)
-            .num_places(NUM_PLACES)
-            .image_size(320, 240);
-        World::new(&cfg).expect("valid")
-    })
+    WORLD.get_or_init(|| World::new(&WorldConfig::new(7).num_places(NUM_PLACES)).expect("valid"))
 }
 
-/// Twelve rounds, written once and copied for every test.
+/// A year of rounds, written once and copied for every test.
 fn map_file(folder: &Path) -> PathBuf {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
     let path = folder.join("street.map");
@@ -35,7 +35,11 @@ fn map_file(folder: &Path) -> PathBuf {
         let meta = MapMeta::new(derived_uuid("robot"), extractor.id(), "default");
         let map = Map::create(&path, meta.clone()).expect("new");
         let mut learner = Learner::new(LearnConfig::default(), meta);
-        for (round, &time) in Schedule::standard(7, 12, 1).learn.iter().enumerate() {
+        for (round, &time) in Schedule::standard(7, NUM_ROUNDS, 1)
+            .learn
+            .iter()
+            .enumerate()
+        {
             for place in 0..NUM_PLACES {
                 let image = world().render(place, time, round as u64);
                 let features = extractor.extract(&image, None).expect("fits");
@@ -45,7 +49,7 @@ fn map_file(folder: &Path) -> PathBuf {
                         session: SessionId::derive("first year"),
                         time,
                         features: &features,
-                        image_size: (320, 240),
+                        image_size: (WIDTH as u32, HEIGHT as u32),
                         mask: None,
                         source: String::new(),
                     })
@@ -91,7 +95,9 @@ fn it_answers_what_a_localizer_answers_and_leaves_the_map_alone() {
     let mut num_right = 0;
     for (place, time, image) in drive(9) {
         let features = extractor.extract(&image, None).expect("fits");
-        let query = Query::new(&features).at(time).with_image_size((320, 240));
+        let query = Query::new(&features)
+            .at(time)
+            .with_image_size((WIDTH as u32, HEIGHT as u32));
         let expected = localizer.localize(&mut scratch, &query).expect("fits");
         assert_eq!(robot.see(&image, time).expect("fits"), &expected);
         assert_eq!(robot.features(), &features);
@@ -172,7 +178,7 @@ fn the_same_recorded_images_give_the_same_map_and_none_is_learnt_twice() {
     let (once, _kept) = digest(1);
     let (twice, _kept) = digest(2);
     assert_eq!(once, twice);
-    assert!(once > 12 * NUM_PLACES);
+    assert!(once > NUM_ROUNDS * NUM_PLACES);
 }
 
 #[test]
@@ -181,7 +187,7 @@ fn a_covered_camera_is_nowhere_and_teaches_nothing() {
     let path = map_file(folder.path());
     let cfg = RobotConfig::default().with_learning_inline(LearnConfig::default());
     let mut robot = Robot::open(&path, cfg).expect("opens");
-    let black = GrayImage::new(320, 240, vec![3; 320 * 240]).expect("fits");
+    let black = GrayImage::new(WIDTH, HEIGHT, vec![3; WIDTH * HEIGHT]).expect("fits");
     let time = Time::parse("2024-02-01T12:00:00Z").expect("valid");
     for _ in 0..5 {
         let answer = robot.see(&black, time).expect("an answer");
@@ -190,7 +196,7 @@ fn a_covered_camera_is_nowhere_and_teaches_nothing() {
     }
     let totals = robot.finish().expect("nothing to write");
     assert_eq!((totals.num_images, totals.num_located), (5, 0));
-    assert_eq!(num_visits(&path), 12 * NUM_PLACES);
+    assert_eq!(num_visits(&path), NUM_ROUNDS * NUM_PLACES);
 }
 
 #[test]
@@ -207,7 +213,7 @@ fn a_clock_that_jumped_quarantines_and_answers_go_on() {
     let totals = robot.finish().expect("written");
     assert!(totals.num_located > 0, "{totals:?}");
     assert_eq!(totals.num_quarantined, totals.num_located, "{totals:?}");
-    assert_eq!(num_visits(&path), 12 * NUM_PLACES);
+    assert_eq!(num_visits(&path), NUM_ROUNDS * NUM_PLACES);
 }
 
 #[test]
@@ -259,10 +265,10 @@ fn masks_of_robot_and_image_both_count() {
     let folder = tempfile::tempdir().expect("temporary");
     let path = map_file(folder.path());
     let half = |left: bool| {
-        let data = (0..320 * 240)
-            .map(|at| u8::from((at % 320 < 160) == left) * 255)
+        let data = (0..WIDTH * HEIGHT)
+            .map(|at| u8::from((at % WIDTH < WIDTH / 2) == left) * 255)
             .collect();
-        GrayImage::new(320, 240, data).expect("fits")
+        GrayImage::new(WIDTH, HEIGHT, data).expect("fits")
     };
     let (left, right) = (half(true), half(false));
     let cfg = RobotConfig::default().with_mask(left);
@@ -270,7 +276,7 @@ fn masks_of_robot_and_image_both_count() {
     let (_, time, image) = drive(1).next().expect("one");
     robot.see(&image, time).expect("fits");
     let points = robot.features().keypoints();
-    assert!(!points.is_empty() && points.iter().all(|it| it.x < 160.0));
+    assert!(!points.is_empty() && points.iter().all(|it| it.x < (WIDTH / 2) as f32));
     let frame = Frame::new(&image).at(time).with_mask(&right);
     robot.see_frame(&frame).expect("fits");
     assert!(robot.features().is_empty());

@@ -33,7 +33,7 @@ fn world() -> &'static World {
 /// on purpose, but here only the command is tested.
 fn png(place: usize, time: Time, seed: u64) -> Vec<u8> {
     let street = world().render(place, time, seed);
-    let (width, height) = (street.width() as u32, street.height() as u32);
+    let (width, height) = street.size();
     let mut picture = image::GrayImage::from_raw(width, height, street.data().to_vec())
         .expect("width x height bytes");
     let mut state = place as u64 + 1;

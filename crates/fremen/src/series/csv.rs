@@ -1,6 +1,5 @@
 //! Which times and states are in this CSV file?
 
-use super::Series;
 use crate::error::{Error, ErrorKind, Result};
 use crate::time::{Period, Time};
 
@@ -13,7 +12,8 @@ pub struct Columns<'a> {
     pub state: Option<&'a str>,
 }
 
-pub(super) fn parse(bytes: &[u8], columns: Columns<'_>) -> Result<Series> {
+/// The rows in the order of the file: a time, and the state if it is known. At least one state is.
+pub(super) fn parse(bytes: &[u8], columns: Columns<'_>) -> Result<Vec<(Time, Option<bool>)>> {
     let mut reader = ::csv::ReaderBuilder::new()
         .has_headers(false)
         .trim(::csv::Trim::All)
@@ -56,12 +56,11 @@ pub(super) fn parse(bytes: &[u8], columns: Columns<'_>) -> Result<Series> {
             }
         }
     }
-    let series: Series = samples.into_iter().collect();
-    if series.is_empty() {
+    if samples.iter().all(|sample| sample.1.is_none()) {
         return Err(format("the file has no rows with a time and a state")
             .with_help("rows look like `2024-05-01T08:30:00Z,1`"));
     }
-    Ok(series)
+    Ok(samples)
 }
 
 /// The places of time and state in a header.
@@ -122,9 +121,10 @@ pub fn line_of_record(text: &[u8], record: &::csv::StringRecord, comment: Option
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Series;
 
     fn parse(text: &str) -> Result<Series> {
-        super::parse(text.as_bytes(), Columns::default())
+        Series::parse_csv(text.as_bytes(), Columns::default())
     }
 
     #[test]
@@ -149,7 +149,7 @@ mod tests {
             time: Some("t"),
             state: Some("ok"),
         };
-        let series = super::parse(b"ok,x,t\n1,7,10\n,7,20\n0,7,5\n", columns).expect("valid");
+        let series = Series::parse_csv(b"ok,x,t\n1,7,10\n,7,20\n0,7,5\n", columns).expect("valid");
         assert_eq!(
             series.states(),
             [(Time::from_s(5), false), (Time::from_s(10), true)]
@@ -159,7 +159,7 @@ mod tests {
             state: Some("door"),
             ..columns
         };
-        let error = super::parse(b"ok,x,t\n1,7,10\n", unknown).expect_err("no such column");
+        let error = Series::parse_csv(b"ok,x,t\n1,7,10\n", unknown).expect_err("no such column");
         assert!(error.to_string().contains("ok, x, t"), "{error}");
     }
 

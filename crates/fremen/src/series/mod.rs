@@ -81,7 +81,7 @@ impl Series {
 
     /// [`read_csv`](Self::read_csv) of the content of a file.
     pub fn parse_csv(bytes: &[u8], columns: Columns<'_>) -> Result<Self> {
-        csv::parse(bytes, columns)
+        Ok(csv::parse(bytes, columns)?.into_iter().collect())
     }
 
     /// Adds a sample; `None` if the state is missing. O(1) for the latest one.

@@ -93,6 +93,8 @@
 //!
 //! # Features of the crate
 //!
+//! - `dataset` (by default): folders of images and the rendered street; image files, EXIF, exported
+//!   maps. A robot whose driver hands it frames does without.
 //! - `hnsw` (by default): candidates of a large map by a graph of place signatures.
 //! - `trace` (by default): one line of JSON for each localisation, with pictures, for dashboards.
 //! - `opencv`: camera and video input, keypoints of ORB, FAST and AGAST. Needs OpenCV 4 and
@@ -116,6 +118,7 @@
 //! - M. Agrawal, K. Konolige, M. R. Blas: CenSurE: Center surround extremas for realtime feature
 //!   detection and matching. ECCV 2008.
 
+#[cfg(feature = "dataset")]
 pub mod dataset;
 pub mod feature;
 pub mod learn;

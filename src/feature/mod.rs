@@ -10,6 +10,7 @@ mod brief_pairs;
 mod build;
 mod extractor;
 mod extractor_config;
+#[cfg(feature = "dataset")]
 pub mod image_file;
 #[cfg(feature = "opencv")]
 pub mod opencv_input;
@@ -23,6 +24,7 @@ mod types;
 
 pub use extractor::Extractor;
 pub use extractor_config::{CornerBriefConfig, ExtractorConfig};
+#[cfg(feature = "dataset")]
 pub use image_file::{DecodeLimits, LoadOptions, PixelDigest, Rotation, load_gray, load_mask};
 pub use star_brief::StarBrief;
 pub use star_brief_config::StarBriefConfig;

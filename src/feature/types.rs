@@ -47,6 +47,7 @@ impl GrayImage {
         }
     }
 
+    #[cfg(feature = "dataset")]
     /// Gives the image another shape of the same number of pixels.
     pub(super) fn reshape(&mut self, width: usize, height: usize, data: Vec<u8>) {
         debug_assert_eq!(width * height, data.len());

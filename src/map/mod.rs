@@ -7,6 +7,7 @@
 
 mod codec;
 mod digest;
+#[cfg(feature = "dataset")]
 mod exchange;
 mod file;
 mod identity;
@@ -21,6 +22,7 @@ pub(crate) use chronotope_store::MappedFile;
 
 pub use chronotope_store::Fault;
 pub use digest::ContentDigest;
+#[cfg(feature = "dataset")]
 pub use exchange::{FileStorageMap, read_file_storage};
 pub use file::{Generation, Map, Pruned, Stamp, VerifyReport};
 pub use identity::{derived_uuid, features_digest, random_uuid};

@@ -9,7 +9,7 @@ use rerun::{LineStrips2D, Points2D, Radius, RecordingStream};
 
 use super::lookup::place;
 use super::texts;
-use super::time_axis::TimeAxis;
+use super::time_axis::{Line, Mark, TimeAxis, upright};
 use crate::{colours, entities};
 
 /// What is drawn once for a map: axes, history and p(t).
@@ -62,21 +62,16 @@ pub(crate) fn log_now(
         let Some(axis) = axis(curve) else {
             continue;
         };
-        let x = axis.x(time_us);
-        stream.log(
-            entities::curve_now(index),
-            &LineStrips2D::new([[(x, TimeAxis::y(1.0)), (x, TimeAxis::y(0.0))]])
-                .with_colors([colours::rgb(colours::TEXT)])
-                .with_radii([Radius::new_ui_points(1.0)]),
-        )?;
+        let mark = axis.mark(time_us);
+        stream.log(entities::curve_now(index), &lines(&mark))?;
         // The text hangs above, where it hides neither the curve nor a date.
-        let note = [axis.note_at(time_us), (x, TimeAxis::y(p))];
+        let (above, note) = axis.note(time_us, p);
         stream.log(
             entities::curve_p_now(index),
-            &Points2D::new(note)
+            &Points2D::new([above, (mark.x, TimeAxis::y(p))])
                 .with_colors([colours::rgb(colours::TEXT)])
                 .with_radii([0.0, 5.0].map(Radius::new_ui_points))
-                .with_labels([format!("now: p = {p:.2}"), String::new()])
+                .with_labels([note, String::new()])
                 .with_show_labels(true),
         )?;
     }
@@ -86,6 +81,19 @@ pub(crate) fn log_now(
 /// The axis of the history of a feature and its p(t).
 fn axis(curve: &CurveSummary) -> Option<TimeAxis> {
     TimeAxis::around(curve.times_us.iter().chain(&curve.visit_times_us).copied())
+}
+
+/// The line of the query, and what of the axis leads to it.
+fn lines(mark: &Mark) -> LineStrips2D {
+    let extension = mark.extension.iter();
+    let breaks = mark.breaks.iter();
+    let drawn: Vec<(Line, [u8; 3], f32)> = std::iter::once((upright(mark.x), colours::TEXT, 1.0))
+        .chain(extension.map(|&line| (line, colours::FAINT, 0.5)))
+        .chain(breaks.map(|&line| (line, colours::TEXT, 1.0)))
+        .collect();
+    LineStrips2D::new(drawn.iter().map(|it| it.0))
+        .with_colors(drawn.iter().map(|it| colours::rgb(it.1)))
+        .with_radii(drawn.iter().map(|it| Radius::new_ui_points(it.2)))
 }
 
 /// A dot for each visit at which the feature could be observed: at 1 if it was seen, else at 0.

@@ -170,7 +170,7 @@ fn now(arrangement: &Arrangement) -> Part {
     if !arrangement.has_place_colours {
         let all = View::new(
             "BarChart",
-            "All places by number (last: elsewhere)",
+            "All places by number (last: off the map)",
             entities::POSTERIOR,
         );
         beliefs.push((1.0, Part::View(all)));

@@ -8,7 +8,7 @@ use chronotope::map::PlaceKey;
 use chronotope::trace::{Trace, TracePoint};
 
 /// How people call the share of the posterior that no place has.
-pub(crate) const OFF_MAP: &str = "elsewhere";
+pub(crate) const OFF_MAP: &str = "off the map";
 
 /// The names of all places.
 pub(crate) fn names<'t>(trace: &'t Trace<'_>) -> Vec<&'t str> {

@@ -2,9 +2,10 @@
 
 Usage: photograph.py VIEWER RECORDING PICTURE MAX_BYTES
 
-The viewer's own `--screenshot-to` fires while a recording is still loading and under its own messages; so
-the viewer is started without a screen, told to take a picture once both are over, and stopped. PICTURE is a
-WebP file of the best quality that is small enough: features keep their colours, which few colours would not.
+The viewer's own `--screenshot-to` fires while a recording is still loading and under its own
+messages; so the viewer is started without a screen, told to take a picture once both are over,
+and stopped. PICTURE is a WebP file of the best quality that is small enough: features keep their
+colours, which few colours would not.
 """
 
 import os

@@ -2,8 +2,9 @@
 # Opens recordings in the real viewer without a screen and saves pictures of both pages in docs/.
 #
 # Usage: scripts/screenshots.sh [DATA_DIR]
-# The rendered street always; stromovka-loo and lasvegas if DATA_DIR (or CHRONOTOPE_DATA) has them. The
-# viewer comes from PyPI into target/dashboard/viewer, a software Vulkan from apt-get where none is there.
+# The rendered street always; stromovka-loo and lasvegas if DATA_DIR (or CHRONOTOPE_DATA) has them.
+# The viewer comes from PyPI into target/dashboard/viewer, a software Vulkan from apt-get where none
+# is there.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 . scripts/system_packages.sh

@@ -35,8 +35,10 @@ cargo fmt --all --check
 say "clippy: workspace with opencv"
 cargo clippy --locked --workspace --all-targets --features opencv -- -D warnings
 
-say "feature matrix: without default features, default, opencv alone"
-cargo clippy --locked -p chronotope --lib --no-default-features -- -D warnings
+say "feature matrix: without default features, each of them alone, default"
+for features in "" dataset trace hnsw; do
+    cargo clippy --locked -p chronotope --lib --no-default-features --features "$features" -- -D warnings
+done
 cargo clippy --locked -p chronotope --lib -- -D warnings
 cargo clippy --locked -p chronotope --lib --no-default-features --features opencv -- -D warnings
 

@@ -1,27 +1,33 @@
-//! A robot's own loop with a live dashboard: localise every picture, record it, keep memory flat.
+//! A robot with a live dashboard: see every picture, record it, keep memory flat.
+//!
+//! The loop is [`Robot`]'s; this adds a tracer, which is given what the robot says of each picture,
+//! and a recorder on a thread of its own.
 //!
 //! ```sh
-//! cargo run --example live_robot -- --queries 10000 --save target/robot.rrd   # as fast as it goes, measured
-//! cargo run --example live_robot -- --hz 10 --queries 36000 --connect         # one hour, watched live
+//! # As fast as it goes, measured.
+//! cargo run --example live_robot -- --queries 10000 --save target/robot.rrd
+//! # One hour, watched live.
+//! cargo run --example live_robot -- --hz 10 --queries 36000 --connect
 //! ```
 //!
-//! At the end it says what localising took, what recording took of the robot's own loop (a thread of its
-//! own does the rest) and of all processors, and how much memory the process held before the first query,
-//! after a tenth of the session, at its end and at most. Memory and processor time are those of Linux;
-//! elsewhere they are not shown. `--max-mib` makes it fail if recording and its queue ever held more.
-//! `--alternate 500` records every other 500 queries, and compares the processor time of both kinds: what
-//! else the machine does falls on both alike.
+//! At the end it says what localising took, what recording took of the robot's own loop (a thread
+//! of its own does the rest) and of all processors, and how much memory the process held before the
+//! first query, after a tenth of the session, at its end and at most. Memory and processor time are
+//! those of Linux; they are not shown on other systems. `--max-mib` makes it fail if recording and
+//! its queue ever held more. `--alternate 500` records every other 500 queries, and compares the
+//! processor time of both kinds: what else the machine does affects both alike.
 #![allow(clippy::print_stdout)] // reason: the measurement is this example's output.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
+use chronotope::Time;
 use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
 use chronotope::feature::{Extractor, GrayImage, StarBrief, StarBriefConfig};
 use chronotope::learn::{LearnConfig, Learner, Observation};
-use chronotope::localize::{Localization, Localizer, LocalizerConfig, Query};
-use chronotope::map::{MapMeta, SessionId, derived_uuid};
+use chronotope::map::{Map, MapMeta, SessionId, derived_uuid};
+use chronotope::robot::{Robot, RobotConfig};
 use chronotope::trace::{Shot, Stage, TraceConfig, Tracer};
 use chronotope_dashboard::{Background, Destination, Page, RecorderConfig};
 use clap::Parser;
@@ -62,35 +68,48 @@ struct Args {
     without_recording: bool,
 }
 
+impl Args {
+    /// The recording on its thread; `None` if only localising is measured.
+    fn recording(&self) -> Result<Option<Background>> {
+        if self.without_recording {
+            return Ok(None);
+        }
+        let destination = match &self.connect {
+            Some(url) => Destination::Viewer(url.clone()),
+            None => Destination::File(self.save.clone()),
+        };
+        let cfg = RecorderConfig::default()
+            .with_image_every(self.image_every as u64)
+            .with_page(if self.why { Page::Why } else { Page::Now });
+        Background::new(destination, cfg).map(Some)
+    }
+
+    /// Pictures and points are the largest part of a trace: the tracer encodes no more pictures
+    /// than the recorder draws.
+    fn tracer(&self) -> Tracer {
+        Tracer::new(
+            TraceConfig::default()
+                .with_image_every(self.image_every)
+                .with_num_candidates(3),
+        )
+    }
+
+    /// Whether the `i`-th query is recorded.
+    fn is_recorded(&self, i: usize) -> bool {
+        self.alternate.is_none_or(|size| (i / size.max(1)) % 2 == 1)
+    }
+}
+
 fn main() -> Result<()> {
     let args = Args::parse();
-    let extractor = StarBrief::new(StarBriefConfig::default())?;
-    let world = World::new(&WorldConfig::new(1))?;
-    let schedule = Schedule::standard(1, 12, NUM_PICTURES);
-    let localizer = learn(&world, &schedule, &extractor)?;
-    let pictures: Vec<GrayImage> = (schedule.query.iter().enumerate())
-        .map(|(i, &time)| world.render(i % world.places().len(), time, 0))
-        .collect();
-    let start = schedule.query.first().copied().unwrap_or_default();
+    let street = Street::new()?;
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("street.map");
+    street.learn(&path)?;
+    let mut robot = Robot::open(&path, RobotConfig::default())?;
+    let recording = args.recording()?;
+    let mut tracer = args.tracer();
 
-    let destination = match &args.connect {
-        Some(url) => Destination::Viewer(url.clone()),
-        None => Destination::File(args.save.clone()),
-    };
-    // Pictures and points are what weighs: the tracer encodes no more pictures than the recorder draws.
-    let cfg = RecorderConfig::default()
-        .with_image_every(args.image_every as u64)
-        .with_page(if args.why { Page::Why } else { Page::Now });
-    let recorder = (!args.without_recording)
-        .then(|| Background::new(destination, cfg))
-        .transpose()?;
-    let mut tracer = Tracer::new(
-        TraceConfig::default()
-            .with_image_every(args.image_every)
-            .with_num_candidates(3),
-    );
-    let mut scratch = localizer.scratch();
-    let mut answer = Localization::default();
     let mut cost = Cost {
         idle_s: processor_s(),
         idle_kib: memory_kib("VmRSS:"),
@@ -103,41 +122,18 @@ fn main() -> Result<()> {
             let due = began + Duration::from_secs_f64(i as f64 / hz);
             std::thread::sleep(due.saturating_duration_since(Instant::now()));
         }
-        let is_recorded = match args.alternate {
-            Some(size) => {
-                let block = i / size.max(1);
-                if i.is_multiple_of(size.max(1)) {
-                    blocks.next(block % 2 == 1);
-                }
-                block % 2 == 1
-            }
-            None => true,
-        };
-        let picture = &pictures[i % pictures.len()];
-        let time = start.plus_us(STEP_US * i as i64);
+        let is_recorded = args.is_recorded(i);
+        if (args.alternate).is_some_and(|size| i.is_multiple_of(size.max(1))) {
+            blocks.next(is_recorded);
+        }
+        let (picture, time) = street.picture(i);
         let before = Instant::now();
-        let live = extractor.extract(picture, None)?;
-        let extract = Stage::since("extract", before);
-        let localize = Instant::now();
-        let query = Query::new(&live).at(time);
-        localizer.localize_into(&mut scratch, &query, &mut answer)?;
-        let stages = [extract, Stage::since("localize", localize)];
+        robot.see(picture, time)?;
         cost.localizing += before.elapsed();
 
         let before = Instant::now();
-        let shot = Shot {
-            name: "camera",
-            file: None,
-            recipe: "",
-            picture,
-            time: Some(time),
-            time_source: Some("clock"),
-            truth: None,
-            live: &live,
-            stages: &stages,
-        };
-        if let Some(recorder) = recorder.as_ref().filter(|_| is_recorded) {
-            recorder.record(tracer.trace(&localizer, &shot, &answer)?)?;
+        if let Some(recording) = recording.as_ref().filter(|_| is_recorded) {
+            record(recording, &mut tracer, &robot, picture, time)?;
         }
         cost.recording += before.elapsed();
         if i == args.queries / 10 {
@@ -145,11 +141,88 @@ fn main() -> Result<()> {
         }
     }
     cost.late_kib = memory_kib("VmRSS:");
-    cost.num_recorded = recorder.map_or(Ok(0), Background::finish)?;
+    cost.num_recorded = recording.map_or(Ok(0), Background::finish)?;
     blocks.end();
     cost.print(&args)?;
     blocks.print(args.alternate.unwrap_or_default());
     Ok(())
+}
+
+/// Records what the robot says of the picture that it saw last.
+fn record(
+    recording: &Background,
+    tracer: &mut Tracer,
+    robot: &Robot,
+    picture: &GrayImage,
+    time: Time,
+) -> Result<()> {
+    let timing = robot.timing();
+    let shot = Shot {
+        name: "camera",
+        file: None,
+        recipe: "",
+        picture,
+        time: Some(time),
+        time_source: Some("clock"),
+        truth: None,
+        live: robot.features(),
+        stages: &[
+            Stage::new("extract", timing.extract),
+            Stage::new("localize", timing.localize),
+        ],
+    };
+    recording.record(tracer.trace(robot.localizer(), &shot, robot.answer())?)
+}
+
+/// A rendered street: what is learnt of it, and the pictures that the robot sees in turn.
+struct Street {
+    world: World,
+    schedule: Schedule,
+    pictures: Vec<GrayImage>,
+}
+
+impl Street {
+    fn new() -> Result<Self> {
+        let world = World::new(&WorldConfig::new(1))?;
+        let schedule = Schedule::standard(1, 12, NUM_PICTURES);
+        let pictures = (schedule.query.iter().enumerate())
+            .map(|(i, &time)| world.render(i % world.places().len(), time, 0))
+            .collect();
+        Ok(Self {
+            world,
+            schedule,
+            pictures,
+        })
+    }
+
+    /// The `i`-th picture, and what the made-up clock says then.
+    fn picture(&self, i: usize) -> (&GrayImage, Time) {
+        let start = self.schedule.query.first().copied().unwrap_or_default();
+        let picture = &self.pictures[i % self.pictures.len()];
+        (picture, start.plus_us(STEP_US * i as i64))
+    }
+
+    /// Learns the street and writes its map.
+    fn learn(&self, path: &Path) -> Result<()> {
+        let extractor = StarBrief::new(StarBriefConfig::default())?;
+        let meta = MapMeta::new(derived_uuid("live robot"), extractor.id(), "default");
+        let mut learner = Learner::new(LearnConfig::default(), meta.clone());
+        for entry in self.world.dataset("learn", &self.schedule.learn).entries {
+            let image = entry.source.load()?;
+            learner.observe(&Observation {
+                place: entry.place,
+                session: SessionId::derive("one run"),
+                time: entry.time,
+                features: &extractor.extract(&image, None)?,
+                image_size: (image.width() as u32, image.height() as u32),
+                mask: None,
+                source: entry.id,
+            })?;
+        }
+        let snapshot = learner.snapshot()?;
+        Map::create(path, meta)?.commit(&snapshot)?;
+        Ok(())
+    }
 }
 
 /// What a session took.
@@ -178,8 +251,8 @@ impl Cost {
             args.queries, self.num_recorded, args.image_every
         );
         println!(
-            "localising {localizing_ms:.2} ms a query, recording {recording_ms:.3} ms of the robot's loop: \
-             {:.1} %",
+            "localising {localizing_ms:.2} ms a query, \
+             recording {recording_ms:.3} ms of the robot's loop: {:.1} %",
             100.0 * recording_ms / localizing_ms.max(f64::MIN_POSITIVE)
         );
         if let (Some(before), Some(after)) = (self.idle_s, processor_s()) {
@@ -198,7 +271,8 @@ impl Cost {
         };
         let mib = |kib: u64| kib / 1024;
         println!(
-            "resident memory: {} MiB before, {} MiB after a tenth, {} MiB at the end, {} MiB at most",
+            "resident memory: {} MiB before, {} MiB after a tenth, {} MiB at the end, \
+             {} MiB at most",
             mib(idle),
             mib(early),
             mib(late),
@@ -250,8 +324,8 @@ impl Blocks {
         if let (Some(without), Some(with)) = (median(&self.without), median(&self.with)) {
             let ms = |seconds: f64| seconds * 1e3 / size.max(1) as f64;
             println!(
-                "processor time of {} and {} blocks of {size}: {:.2} ms a query without recording, {:.2} ms \
-                 with it: {:+.1} %",
+                "processor time of {} and {} blocks of {size}: \
+                 {:.2} ms a query without recording, {:.2} ms with it: {:+.1} %",
                 self.without.len(),
                 self.with.len(),
                 ms(without),
@@ -260,25 +334,6 @@ impl Blocks {
             );
         }
     }
-}
-
-fn learn(world: &World, schedule: &Schedule, extractor: &StarBrief) -> Result<Localizer> {
-    let meta = MapMeta::new(derived_uuid("live robot"), extractor.id(), "default");
-    let mut learner = Learner::new(LearnConfig::default(), meta);
-    for entry in world.dataset("learn", &schedule.learn).entries {
-        let image = entry.source.load()?;
-        learner.observe(&Observation {
-            place: entry.place,
-            session: SessionId::derive("one run"),
-            time: entry.time,
-            features: &extractor.extract(&image, None)?,
-            image_size: image.size(),
-            mask: None,
-            source: entry.id,
-        })?;
-    }
-    Localizer::new(learner.snapshot()?, LocalizerConfig::default())
-        .context("the map cannot be localised in")
 }
 
 /// What the process holds in memory (`VmRSS:`) or ever held (`VmHWM:`), KiB.

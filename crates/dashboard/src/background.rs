@@ -1,8 +1,8 @@
 //! How does a robot record without waiting for it?
 //!
-//! A [`Background`] hands traces to a thread of its own, which turns them into a recording. The queue
-//! between them is bounded: memory stays bounded, nothing is lost, and a robot that is faster than the
-//! recording for long waits for it, as it would without the thread.
+//! A [`Background`] hands traces to a thread of its own, which turns them into a recording. The
+//! queue between them is bounded: memory stays bounded, nothing is lost, and a robot that is faster
+//! than the recording for long waits for it, as it would without the thread.
 
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;

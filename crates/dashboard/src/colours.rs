@@ -1,8 +1,8 @@
 //! Which colour means what?
 //!
-//! The three classes of features are colours of Okabe and Ito that also colour-blind people tell apart;
-//! probabilities run from a greyish blue that is still legible on black to yellow, so that brighter means
-//! more probable without any colour at all.
+//! The three classes of features are colours of Okabe and Ito that colour-blind people can tell
+//! apart too; probabilities run from a greyish blue that is still legible on black to yellow, so that
+//! brighter means more probable without any colour at all.
 
 use rerun::Color;
 

@@ -9,7 +9,8 @@ use anyhow::{Context, Result};
 use rerun::external::re_log_encoding::DecoderApp;
 use rerun::log::{Chunk, LogMsg};
 
-/// The number of rows of each entity ([`crate::entities`], no slash in front) of the recording at `path`.
+/// The number of rows of each entity ([`crate::entities`], no slash in front) of the recording at
+/// `path`.
 ///
 /// Fails where the file is no recording or is not complete.
 pub fn rows(path: &Path) -> Result<BTreeMap<String, usize>> {

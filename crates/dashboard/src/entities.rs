@@ -1,26 +1,39 @@
 //! What is where in a recording?
 //!
-//! Paths of entities and names of timelines: the only place that spells them, for scripts that query
-//! recordings. `{}` below stands for a number.
+//! Paths of entities and names of timelines: the only place that spells them, for scripts that
+//! query recordings. `{}` stands for a number.
 //!
-//! | entity | holds | logged |
-//! |---|---|---|
-//! | `live/image` | the picture (JPEG) | pictures that are drawn |
-//! | `live/matched`, `live/missing`, `live/unexpected` | features in px of the picture | the same |
-//! | `predicted/{}/frame`, `predicted/{}/features` | predicted maps of the best places, best first, in px of the place's first visit, moved to where they were found | the same |
-//! | `belief/decision` | the answer and its reason, Markdown | every query |
-//! | `belief/over_time` | percent of each place (of the best one only, in a map of many), of elsewhere | every query |
-//! | `belief/bars`, `belief/bars/names` | posterior of the best places and elsewhere, drawn | pictures that are drawn; without any, new decision |
-//! | `belief/posterior` | percent of each place by number, then "elsewhere" | the same |
-//! | `belief/graph` | places, coloured by posterior; the ways between them | the same; new map |
-//! | `memory/curve_{}/axes`, `memory/curve_{}/texts` | the frame of a feature's history, drawn over its own years | new map |
-//! | `memory/curve_{}/p` | p(t) of the feature | new map |
-//! | `memory/curve_{}/seen` | its history: dots at 1 or 0 | new map |
-//! | `memory/curve_{}/now`, `memory/curve_{}/now/p` | the query's time, and p then | pictures that are drawn |
-//! | `memory/spectrum/amplitude`, `memory/spectrum/window` | spectrum of the first curve's history | new map |
-//! | `memory/similarity` | percent of predicted features found, place x query, of the latest queries | pictures that are drawn |
-//! | `latency` | milliseconds of each stage | every query |
-//! | `map/changes` | what the map holds and what changed, Markdown | new map |
+//! Logged with every query:
+//!
+//! - `belief/decision`: the answer and its reason, Markdown
+//! - `belief/over_time`: percent of each place (of the best one only, in a map of many), then of
+//!   being off the map
+//! - `latency`: milliseconds of each stage
+//!
+//! Logged with pictures that are drawn:
+//!
+//! - `live/image`: the picture (JPEG)
+//! - `live/matched`, `live/missing`, `live/unexpected`: features in px of the picture
+//! - `predicted/{}/frame`, `predicted/{}/features`: predicted maps of the best places, best first, in
+//!   px of the place's first visit, moved to where they were found
+//! - `memory/curve_{}/now`, `memory/curve_{}/now/p`: the query's time in a feature's history (behind
+//!   a break of the axis, where it is far outside), and p then
+//! - `memory/similarity`: percent of predicted features found, place x query, of the latest queries
+//!
+//! Logged with pictures that are drawn; without any, where the decision changes:
+//!
+//! - `belief/bars`, `belief/bars/names`: posterior of the best places and of being off the map, drawn
+//! - `belief/posterior`: percent of each place by number, then of being off the map
+//! - `belief/graph`: places, coloured by posterior; the ways between them also with a new map
+//!
+//! Logged with a new map:
+//!
+//! - `memory/curve_{}/axes`, `memory/curve_{}/texts`: the frame of a feature's history, drawn over
+//!   its own years
+//! - `memory/curve_{}/p`: p(t) of the feature
+//! - `memory/curve_{}/seen`: its history: dots at 1 or 0
+//! - `memory/spectrum/amplitude`, `memory/spectrum/window`: spectrum of the first curve's history
+//! - `map/changes`: what the map holds and what changed, Markdown
 
 /// Timeline: when the picture was taken.
 pub const CAPTURE_TIME: &str = "capture_time";
@@ -55,10 +68,10 @@ pub fn predicted_features(rank: usize) -> String {
 
 /// The answer and its reason.
 pub const DECISION: &str = "belief/decision";
-/// The posterior of all places, then of "elsewhere".
+/// The posterior of all places, then of being off the map.
 pub const POSTERIOR: &str = "belief/posterior";
 /// The posteriors that are followed over time: of each place of a small map, else of the best; of
-/// "elsewhere".
+/// being off the map.
 pub const OVER_TIME: &str = "belief/over_time";
 /// The posterior of the best places, as bars with names.
 pub const BARS: &str = "belief/bars";

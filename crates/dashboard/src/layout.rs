@@ -1,8 +1,9 @@
 //! How does a recording open?
 //!
-//! A blueprint travels with the recording: two pages, *Where am I?* (what the robot sees and believes
-//! now) and *Why?* (what the map remembers, and how that went over time). It is written to its own store
-//! with the archetypes of the viewer, because `rerun::blueprint` has no axes and no active page.
+//! A blueprint travels with the recording: two pages, *Where am I?* (what the robot sees and
+//! believes now) and *Why?* (what the map remembers, and how that went over time). It is written to
+//! its own store with the archetypes of the viewer, because `rerun::blueprint` has no axes and no
+//! active page.
 
 use anyhow::{Context, Result};
 use rerun::RecordingStream;
@@ -21,7 +22,9 @@ use rerun::external::re_sdk_types::datatypes::{
 };
 use rerun::{ApplicationId, AsComponents, EncodedImage, RecordingStreamBuilder};
 
-use crate::{SIMILARITY_QUERIES, colours, drawing, entities};
+use crate::panels::similarity::SIMILARITY_QUERIES;
+use crate::panels::{bars, time_axis};
+use crate::{colours, entities};
 
 /// Of the live picture below predicted maps.
 const BACKGROUND_OPACITY: f32 = 0.3;
@@ -38,7 +41,7 @@ pub enum Page {
 
 /// What the layout depends on.
 #[derive(Clone, Debug)]
-pub(crate) struct Contents {
+pub(crate) struct Arrangement {
     /// Width and height of pictures, px.
     pub(crate) image_size: (f32, f32),
     /// Places whose predicted maps are shown.
@@ -125,19 +128,19 @@ fn percent_axis() -> ScalarAxis {
     ScalarAxis::new().with_range(Range1D::new(-5.0, 105.0))
 }
 
-fn now(contents: &Contents) -> Part {
+fn now(arrangement: &Arrangement) -> Part {
     let live = View::pixels(
         "Live picture: green found as predicted, orange predicted but missing, blue unexpected",
         entities::LIVE,
-        contents.image_size,
+        arrangement.image_size,
     );
     let ranks = ["Best place", "Second", "Third"];
-    let predicted = (0..contents.num_predicted).map(|rank| {
+    let predicted = (0..arrangement.num_predicted).map(|rank| {
         let name = format!(
             "{}: what should be visible now (brighter = likelier, large = found)",
             ranks.get(rank).copied().unwrap_or("Next")
         );
-        let mut view = View::pixels(name, entities::predicted(rank), contents.image_size);
+        let mut view = View::pixels(name, entities::predicted(rank), arrangement.image_size);
         // The live picture below, dimmed, so that the points are somewhere.
         view.with.push(entities::LIVE_IMAGE);
         view.defaults = Some(Box::new(
@@ -147,27 +150,27 @@ fn now(contents: &Contents) -> Part {
     });
     let decision = View::new("TextDocument", "Decision", entities::DECISION);
     let graph = View::new("Graph", "Places: brighter = more probable", entities::GRAPH)
-        .with("VisualBounds2D", VisualBounds2D::new(contents.graph));
-    let bars = View::pixels(
+        .with("VisualBounds2D", VisualBounds2D::new(arrangement.graph));
+    let posterior = View::pixels(
         "Where it may be: posterior, %",
         entities::BARS,
-        drawing::BARS_SIZE,
+        bars::CANVAS,
     );
     let over_time = View::series(
-        if contents.has_place_colours {
+        if arrangement.has_place_colours {
             "The same over the latest queries (colours as on the left)"
         } else {
             "Posterior over the latest queries, %"
         },
         entities::OVER_TIME,
-        !contents.has_place_colours,
+        !arrangement.has_place_colours,
     )
     .with("ScalarAxis", percent_axis());
-    let mut beliefs = vec![(1.0, Part::View(bars))];
-    if !contents.has_place_colours {
+    let mut beliefs = vec![(1.0, Part::View(posterior))];
+    if !arrangement.has_place_colours {
         let all = View::new(
             "BarChart",
-            "All places by number (last: elsewhere)",
+            "All places by number (last: off the map)",
             entities::POSTERIOR,
         );
         beliefs.push((1.0, Part::View(all)));
@@ -187,12 +190,12 @@ fn now(contents: &Contents) -> Part {
     ])
 }
 
-fn why(contents: &Contents) -> Part {
-    let curves = (0..contents.num_curves).map(|index| {
+fn why(arrangement: &Arrangement) -> Part {
+    let curves = (0..arrangement.num_curves).map(|index| {
         let view = View::pixels(
             "When is this feature visible? line: p(t); dots: seen (1) or not (0)",
             entities::curve(index),
-            drawing::CURVE_SIZE,
+            time_axis::CANVAS,
         );
         (1.0, Part::View(view))
     });
@@ -200,7 +203,7 @@ fn why(contents: &Contents) -> Part {
         "BarChart",
         format!(
             "Rhythms of the first feature, cycles per {}; grey: when visits came",
-            contents.spectrum_per.as_deref().unwrap_or("year or day")
+            arrangement.spectrum_per.as_deref().unwrap_or("year or day")
         ),
         entities::SPECTRUM,
     )
@@ -220,7 +223,7 @@ fn why(contents: &Contents) -> Part {
         "TensorViewFit",
         TensorViewFit::new().with_scaling(ViewFit::Fill),
     );
-    let latency = latency(&contents.stages);
+    let latency = latency(&arrangement.stages);
     let changes = View::new("TextDocument", "Map", entities::MAP_CHANGES);
     let mut left: Vec<(f32, Part)> = curves.collect();
     if left.is_empty() {
@@ -259,13 +262,13 @@ fn latency(stages: &[String]) -> View {
 }
 
 /// Sends the layout into `recording`; viewers take it for this and later recordings.
-pub(crate) fn send(recording: &RecordingStream, contents: &Contents) -> Result<()> {
+pub(crate) fn send(recording: &RecordingStream, arrangement: &Arrangement) -> Result<()> {
     let application = recording
         .store_info()
         .context("the recording is switched off")?
         .application_id()
         .clone();
-    let messages = Writer::write(application, contents)?;
+    let messages = Writer::write(application, arrangement)?;
     let blueprint_id = messages
         .iter()
         .find_map(|message| match message {
@@ -289,18 +292,21 @@ struct Writer {
 }
 
 impl Writer {
-    fn write(application: ApplicationId, contents: &Contents) -> Result<Vec<LogMsg>> {
+    fn write(application: ApplicationId, arrangement: &Arrangement) -> Result<Vec<LogMsg>> {
         let (stream, storage) = RecordingStreamBuilder::new(application)
             .recording_id(RecordingId::random())
             .blueprint()
             .memory()?;
         stream.set_time_sequence("blueprint", 0);
         let mut writer = Self { stream, num_ids: 0 };
-        let front = match contents.page {
+        let front = match arrangement.page {
             Page::Now => 0,
             Page::Why => 1,
         };
-        let pages = vec![("Where am I?", now(contents)), ("Why?", why(contents))];
+        let pages = vec![
+            ("Where am I?", now(arrangement)),
+            ("Why?", why(arrangement)),
+        ];
         let root = writer.part(Part::Tabs(pages, front))?;
         let viewport = ViewportBlueprint::new()
             .with_root_container(RootContainer(root.id))

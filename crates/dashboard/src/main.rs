@@ -25,8 +25,8 @@ const POLL: Duration = Duration::from_millis(100);
 
 /// Shows what Chronotope believed and why: turns traces into recordings for the rerun viewer.
 ///
-/// The viewer is no part of this program: `pip install rerun-sdk==0.36.3` brings the command `rerun`.
-/// Ctrl-C ends the recording as the end of its input does: the file is complete.
+/// The viewer is no part of this program: `pip install rerun-sdk==0.36.3` brings the command
+/// `rerun`. Ctrl-C ends the recording as the end of its input does: the file is complete.
 #[derive(Debug, Parser)]
 #[command(
     version,
@@ -110,7 +110,7 @@ fn run(args: &Args) -> Result<u64> {
     Ok(num_queries)
 }
 
-/// Reads on a thread of its own, so that Ctrl-C is heard while a pipe is silent.
+/// Reads on a thread of its own, so that Ctrl-C is noticed while a pipe is silent.
 fn read_ahead(input: Box<dyn Read + Send>) -> Result<Receiver<Result<(u64, Trace<'static>)>>> {
     let (sender, traces) = sync_channel(READ_AHEAD);
     std::thread::Builder::new()
@@ -135,7 +135,8 @@ fn read_ahead(input: Box<dyn Read + Send>) -> Result<Receiver<Result<(u64, Trace
     Ok(traces)
 }
 
-/// Whether Ctrl-C asks for an end: at once at the second, else once the input has had its time to end.
+/// Whether Ctrl-C requests an end: at once at the second, else once the input has had its time to
+/// end.
 struct Stop {
     presses: Arc<AtomicU32>,
     grace: Duration,
@@ -149,7 +150,7 @@ impl Stop {
         ctrlc::set_handler(move || {
             counted.fetch_add(1, Ordering::Relaxed);
         })
-        .context("Ctrl-C cannot be listened for")?;
+        .context("Ctrl-C cannot be handled")?;
         Ok(Self {
             presses,
             grace,

@@ -1,15 +1,15 @@
 //! Which localisations does a file or a pipe hold?
 //!
-//! One line at a time, so that memory does not grow with the session; a line that is too long to be a
-//! trace is refused before it is read.
+//! One line at a time, so that memory does not grow with the session; a line that is too long to be
+//! a trace is refused before it is read.
 
 use std::io::{BufRead, Read as _};
 
 use anyhow::{Context, Result, bail, ensure};
 use chronotope::trace::{SCHEMA_VERSION, Trace};
 
-/// Lines longer than this are refused: a place of 300 features takes about 20 kB, so this is a map of
-/// thousands of places.
+/// Lines longer than this are refused: a place of 300 features takes about 20 kB, so this is a map
+/// of thousands of places.
 pub const MAX_LINE_BYTES: u64 = 256 << 20;
 
 /// Reads traces from lines of JSON; empty lines are skipped.
@@ -72,8 +72,8 @@ fn parse(line: &[u8]) -> Result<Trace<'static>> {
     )?;
     if trace.schema_version > SCHEMA_VERSION {
         bail!(
-            "its schema version is {}, and this program reads up to {SCHEMA_VERSION} (help: build the \
-             dashboard of the same version as the program that wrote it)",
+            "its schema version is {}, and this program reads up to {SCHEMA_VERSION} \
+             (help: build the dashboard of the same version as the program that wrote it)",
             trace.schema_version
         );
     }
@@ -100,7 +100,8 @@ mod tests {
         "localization":{"ranking":[{"node":0,"score":1.5,"posterior":0.9,"appearance":null,
         "predicted":[0],"probabilities":[0.5],"matches":[{"rank":0,"live":0,"distance-bits":3,
         "inlier":true}],"num-matches":1,"num-inliers":1,"displacement":{"num-inliers":1,
-        "mean":{"dx-px":0,"dy-px":0},"median":{"dx-px":0,"dy-px":0},"spread":{"dx-px":0,"dy-px":0}}}],
+        "mean":{"dx-px":0,"dy-px":0},"median":{"dx-px":0,"dy-px":0},
+        "spread":{"dx-px":0,"dy-px":0}}}],
         "tied":1,"elsewhere":0.1,"decision":{"at":0},"reason":{"best":1.5,"second":null,
         "rule":{"min-score":1}},"pairs-compared":1,"time":0},"duration_ms":3.5}"#;
 

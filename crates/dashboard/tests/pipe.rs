@@ -20,11 +20,11 @@ use chronotope_dashboard::{Background, Destination, RecorderConfig, entities, ro
 
 const NUM_QUERIES: usize = 4;
 
-/// A street of two places, learnt, and pictures to ask for with their times.
+/// A street of two places, learnt, and pictures to query with and their times.
 struct Street {
     snapshot: Arc<Snapshot>,
     extractor: StarBrief,
-    asked: Vec<(GrayImage, chronotope::Time)>,
+    queries: Vec<(GrayImage, chronotope::Time)>,
 }
 
 impl Street {
@@ -48,13 +48,13 @@ impl Street {
                 })
                 .unwrap();
         }
-        let asked = (world.dataset("ask", &schedule.query).entries.into_iter())
+        let queries = (world.dataset("query", &schedule.query).entries.into_iter())
             .map(|entry| (entry.source.load().unwrap(), entry.time))
             .collect();
         Self {
             snapshot: learner.snapshot().unwrap(),
             extractor,
-            asked,
+            queries,
         }
     }
 
@@ -63,14 +63,14 @@ impl Street {
         let localizer =
             Localizer::new(Arc::clone(&self.snapshot), LocalizerConfig::default()).unwrap();
         let mut tracer = Tracer::new(TraceConfig::default());
-        for (picture, time) in &self.asked {
+        for (picture, time) in &self.queries {
             let live = self.extractor.extract(picture, None).unwrap();
             let query = Query::new(&live).at(*time);
             let answer = localizer
                 .localize(&mut localizer.scratch(), &query)
                 .unwrap();
             let shot = Shot {
-                name: "asked",
+                name: "query",
                 file: None,
                 recipe: "",
                 picture,
@@ -127,9 +127,12 @@ fn a_pipe_becomes_a_recording() {
     pipe.write_all(Street::new().lines().as_bytes()).unwrap();
     drop(pipe);
     let output = child.wait_with_output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{said}");
-    assert!(said.contains("recorded 4 localisations"), "{said}");
+    let diagnostics = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{diagnostics}");
+    assert!(
+        diagnostics.contains("recorded 4 localisations"),
+        "{diagnostics}"
+    );
     assert_complete(&recording);
 }
 
@@ -169,7 +172,8 @@ fn a_thread_of_its_own_records_the_same() {
     assert_complete(&recording);
 }
 
-/// With an evaluation that was built with its feature `dashboard` in `CHRONOTOPE_EVAL`, as `make test` sets it.
+/// With an evaluation that was built with its feature `dashboard` in `CHRONOTOPE_EVAL`, as `make
+/// test` sets it.
 #[test]
 fn a_replay_recorded_at_once_holds_what_its_trace_gives() {
     let Some(command) = std::env::var_os("CHRONOTOPE_EVAL") else {
@@ -216,7 +220,7 @@ fn the_command_and_the_dashboard_speak_one_language() {
     drop(map);
     let mut localize = Command::new(command);
     localize.arg("localize").arg(&map_path);
-    for (index, (picture, _)) in street.asked.iter().enumerate() {
+    for (index, (picture, _)) in street.queries.iter().enumerate() {
         let path = folder.path().join(format!("{index}.png"));
         let (width, height) = picture.size();
         image::GrayImage::from_raw(width, height, picture.data().to_vec())
@@ -225,7 +229,7 @@ fn the_command_and_the_dashboard_speak_one_language() {
             .unwrap();
         localize.arg(path);
     }
-    localize.args(["--time", &street.asked[0].1.to_string(), "--trace", "-"]);
+    localize.args(["--time", &street.queries[0].1.to_string(), "--trace", "-"]);
     let mut localize = localize.stdout(Stdio::piped()).spawn().unwrap();
     let recording = folder.path().join("command.rrd");
     let status = Command::new(env!("CARGO_BIN_EXE_chronotope-dashboard"))

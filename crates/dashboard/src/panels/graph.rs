@@ -1,13 +1,20 @@
-//! Where is each place drawn?
+//! Which places are there, how are they joined, and how probable is each?
 //!
-//! By its pose, seen from above (x to the right, y up), scaled so that the map fits; the places of a map
-//! without poses stand on a circle in order of their creation, and those without pose in a map with some
-//! stand in a row below it. Where names would lie over each other, places stand a little above or below
-//! their poses.
+//! A place is drawn at its pose, seen from above (x to the right, y up), scaled so that the map
+//! fits; the places of a map without poses stand on a circle in order of their creation, and those
+//! without pose in a map with some stand in a row below it. Where names would lie over each other,
+//! places stand a little above or below their poses.
 
 use std::f64::consts::TAU;
 
-use chronotope::trace::MapSummary;
+use anyhow::Result;
+use chronotope::localize::Decision;
+use chronotope::trace::{MapSummary, Trace};
+use rerun::external::re_sdk_types::datatypes::Range2D;
+use rerun::{GraphEdges, GraphNodes, RecordingStream};
+
+use super::lookup::names;
+use crate::{colours, entities};
 
 /// Width of the drawing.
 const SIZE: f64 = 400.0;
@@ -22,6 +29,63 @@ const MAX_ROWS: i16 = 4;
 /// Of more places nobody reads names.
 const MAX_NAMED: usize = 100;
 
+/// The ways between places.
+pub(crate) fn log_ways(stream: &RecordingStream, map: &MapSummary) -> Result<()> {
+    let edges = (map.edges.iter()).map(|edge| (edge.from.as_str(), edge.to.as_str()));
+    let edges = GraphEdges::new(edges.collect::<Vec<_>>()).with_directed_edges();
+    Ok(stream.log(entities::GRAPH, &edges)?)
+}
+
+/// The places, at `positions` if there is one for each, coloured by their posterior.
+pub(crate) fn log_places(
+    stream: &RecordingStream,
+    trace: &Trace<'_>,
+    posterior: &[f64],
+    positions: &[[f32; 2]],
+) -> Result<()> {
+    let here = match trace.localization.decision {
+        Decision::At(node) => Some(node.0 as usize),
+        _ => None,
+    };
+    let labels = (trace.places.iter().zip(posterior).enumerate()).map(|(node, (key, share))| {
+        let marks = if here == Some(node) { "HERE: " } else { "" };
+        format!("{marks}{key} {:.0} %", 100.0 * share)
+    });
+    let radii = (0..trace.places.len()).map(|node| if here == Some(node) { 14.0 } else { 7.0 });
+    let mut nodes = GraphNodes::new(names(trace))
+        .with_labels(labels)
+        .with_colors(posterior.iter().map(|&share| colours::probability(share)))
+        .with_radii(radii);
+    if positions.len() == trace.places.len() {
+        nodes = nodes.with_positions(positions.iter().copied());
+    }
+    Ok(stream.log(entities::GRAPH, &nodes)?)
+}
+
+/// The part of the plane that holds all positions, with a margin for their names.
+pub(crate) fn extent(positions: &[[f32; 2]], names: &[&str]) -> Range2D {
+    let widths = names.iter().map(|name| name_width(name));
+    let half = 0.5 * f64::from(widths.fold(100.0, f32::max));
+    let range = |axis: usize, margin: f64| {
+        let values = || {
+            positions
+                .iter()
+                .map(move |position| f64::from(position[axis]))
+        };
+        let low = values().fold(f64::INFINITY, f64::min);
+        let high = values().fold(f64::NEG_INFINITY, f64::max);
+        if low > high {
+            [-100.0, 100.0]
+        } else {
+            [low - margin, high + margin]
+        }
+    };
+    Range2D {
+        x_range: range(0, half).into(),
+        y_range: range(1, 60.0).into(),
+    }
+}
+
 /// One position for each place of the map; `names` are those of the places, in order.
 pub(crate) fn positions(map: &MapSummary, names: &[&str]) -> Vec<[f32; 2]> {
     let at = by_pose(map);
@@ -35,11 +99,12 @@ pub(crate) fn positions(map: &MapSummary, names: &[&str]) -> Vec<[f32; 2]> {
 }
 
 /// The width of a place's name with all that may stand beside it.
-pub(crate) fn name_width(name: &str) -> f32 {
+fn name_width(name: &str) -> f32 {
     LETTER * (name.chars().count() + "HERE:  100 %".len()) as f32 + FRAME
 }
 
-/// Moves what would lie over an earlier one by rows, the nearest free row first; what has none stays.
+/// Moves what would lie over an earlier one by rows, the nearest free row first; what has none
+/// stays.
 fn apart(at: &[[f32; 2]], widths: &[f32]) -> Vec<[f32; 2]> {
     let mut placed: Vec<[f32; 2]> = Vec::new();
     for (&[x, y], &width) in at.iter().zip(widths) {

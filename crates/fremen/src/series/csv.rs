@@ -1,5 +1,7 @@
 //! Which times and states are in this CSV file?
 
+use std::path::Path;
+
 use super::Series;
 use crate::error::{Error, ErrorKind, Result};
 use crate::time::{Period, Time};
@@ -13,7 +15,26 @@ pub struct Columns<'a> {
     pub state: Option<&'a str>,
 }
 
-pub(super) fn parse(bytes: &[u8], columns: Columns<'_>) -> Result<Series> {
+impl Series {
+    /// Reads a CSV file: a time and a state on every line.
+    ///
+    /// Times are RFC 3339 with an offset or seconds since 1970 (a fraction is allowed), states `0`,
+    /// `1`, `false`, `true`; a row with an empty state is missing. Rows may come in any order,
+    /// lines that begin with `#` are comments, and a first row whose time is none is a header.
+    /// Fails with the line of what is no series.
+    pub fn read_csv(path: impl AsRef<Path>, columns: Columns<'_>) -> Result<Self> {
+        let path = path.as_ref();
+        let bytes = std::fs::read(path).map_err(|cause| Error::io(path, cause))?;
+        Self::parse_csv(&bytes, columns).map_err(|error| error.with_path(path))
+    }
+
+    /// [`read_csv`](Self::read_csv) of the content of a file.
+    pub fn parse_csv(bytes: &[u8], columns: Columns<'_>) -> Result<Self> {
+        parse(bytes, columns)
+    }
+}
+
+fn parse(bytes: &[u8], columns: Columns<'_>) -> Result<Series> {
     let mut reader = ::csv::ReaderBuilder::new()
         .has_headers(false)
         .trim(::csv::Trim::All)

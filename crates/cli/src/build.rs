@@ -18,11 +18,14 @@ use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 
+use super::arguments::{ConfigArgs, named};
 use super::config::Config;
+use super::interrupt;
 use super::new_map::{finish, part_of, refuse_existing};
-use super::output::Output;
+use super::outcome::Outcome;
+use super::output::{Output, contents};
 use super::progress::Progress;
-use super::{ConfigArgs, Outcome, held, interrupt, named, preset_of};
+use super::warnings::print_held;
 use chronotope::dataset::{Clock, Dataset, Entry, Manifest, Problem};
 use chronotope::error::{Error, ErrorKind};
 use chronotope::feature::{Extractor, ExtractorConfig, Features, GrayImage, StarBriefConfig};
@@ -139,8 +142,7 @@ pub(super) fn run(args: &BuildArgs, out: &mut Output) -> Result<Outcome> {
         config.learn = config.learn.with_keep_appearances(keep.into());
     }
     if args.config.print_config {
-        out.line(config.to_toml()?.trim_end())?;
-        return Ok(Outcome::Good);
+        return config.print(out);
     }
     let (Some(data), Some(map)) = (&args.data, &args.out) else {
         anyhow::bail!("--data and --out are missing");
@@ -167,8 +169,7 @@ pub(super) fn update(args: &UpdateArgs, out: &mut Output) -> Result<Outcome> {
             .with_help("change the rights or copy it")
             .into());
     }
-    let preset = preset_of(&map.snapshot().meta);
-    let mut config = Config::read(args.config.as_deref(), preset)?;
+    let mut config = Config::read_for(&map.snapshot().meta, args.config.as_deref())?;
     if let Some(keep) = args.keep_appearances {
         config.learn = config.learn.with_keep_appearances(keep.into());
     }
@@ -307,12 +308,9 @@ impl Build {
                 }
                 let summary = snapshot.summary();
                 out.line(format_args!(
-                    "{}: {} places, {} visits ({} learnt now), {} features, {} appearances kept",
+                    "{}: {}, {} appearances kept",
                     self.out.display(),
-                    summary.num_places,
-                    summary.num_visits,
-                    self.num_learnt,
-                    summary.num_features,
+                    contents(&summary, format_args!(" ({} learnt now)", self.num_learnt)),
                     summary.num_appearances,
                 ))?;
                 Ok(Outcome::Good)
@@ -408,7 +406,7 @@ impl Build {
         let learnt = (self.learner).observe(&observation, &circumstances)?;
         if let Some(doubt) = &learnt.doubt {
             self.num_held += 1;
-            held::print_held(&entry.id, doubt, &self.out);
+            print_held(&entry.id, doubt, &self.out);
             return Ok(());
         }
         self.num_learnt += 1;

@@ -6,8 +6,9 @@ use std::sync::Arc;
 use anyhow::Result;
 use clap::Args;
 
+use super::config::Config;
+use super::outcome::Outcome;
 use super::output::Output;
-use super::{Outcome, config::Config, preset_of};
 use chronotope::error::{Error, ErrorKind};
 use chronotope::localize::{ATTACHMENT, Localizer};
 use chronotope::map::{Map, Snapshot};
@@ -32,7 +33,7 @@ pub(super) struct CalibrateArgs {
 pub(super) fn run(args: &CalibrateArgs, out: &mut Output) -> Result<Outcome> {
     let map = Map::open(&args.map)?;
     let snapshot = map.snapshot();
-    let config = Config::read(args.config.as_deref(), preset_of(&snapshot.meta))?;
+    let config = Config::read_for(&snapshot.meta, args.config.as_deref())?;
     let localizer = Localizer::new(Arc::clone(&snapshot), config.localize)
         .map_err(|error| error.with_path(&args.map))?;
     let (Some(calibration), Some(bytes)) = (localizer.calibration(), localizer.to_attachment()?)

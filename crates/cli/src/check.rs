@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::Args;
 
-use super::Outcome;
+use super::outcome::Outcome;
 use super::output::Output;
 use super::progress::Progress;
 use chronotope::dataset::{Dataset, Manifest};
@@ -46,9 +46,5 @@ pub(super) fn run(args: &CheckArgs, out: &mut Output) -> Result<Outcome> {
     } else {
         out.line(&report)?;
     }
-    Ok(if report.is_clean() {
-        Outcome::Good
-    } else {
-        Outcome::Doubtful
-    })
+    Ok(Outcome::of_check(report.is_clean()))
 }

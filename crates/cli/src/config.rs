@@ -10,9 +10,12 @@ use std::path::Path;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use super::outcome::Outcome;
+use super::output::Output;
 use chronotope::error::{Error, ErrorKind, Result};
 use chronotope::learn::LearnConfig;
 use chronotope::localize::{LocalizerConfig, MotionConfig, Preset};
+use chronotope::map::MapMeta;
 
 /// Everything a file can set.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -50,6 +53,11 @@ impl Config {
             .map_err(|error| error.with_path(path))
     }
 
+    /// The numbers of the preset that a map was built with, changed by `file`.
+    pub(super) fn read_for(meta: &MapMeta, file: Option<&Path>) -> Result<Self> {
+        Self::read(file, preset_of(meta))
+    }
+
     fn changed_by(self, text: &str) -> Result<Self> {
         let file: File = toml::from_str(text).map_err(|cause| config_error(&cause, text))?;
         let tables: toml::Table =
@@ -67,11 +75,22 @@ impl Config {
         })
     }
 
-    /// As a file.
-    pub(super) fn to_toml(&self) -> Result<String> {
+    /// Prints it as a file that [`read`](Self::read) takes.
+    pub(super) fn print(&self, out: &mut Output) -> anyhow::Result<Outcome> {
+        out.line(self.to_toml()?.trim_end())?;
+        Ok(Outcome::Good)
+    }
+
+    fn to_toml(&self) -> Result<String> {
         toml::to_string(self)
             .map_err(|cause| Error::new(ErrorKind::Config, format!("cannot be written: {cause}")))
     }
+}
+
+/// The preset that a map says it was built with; the preset `default` where this program does not
+/// know it.
+pub(super) fn preset_of(meta: &MapMeta) -> Preset {
+    meta.preset.parse().unwrap_or(Preset::Default)
 }
 
 fn overlaid<T: Serialize + DeserializeOwned>(base: &T, keys: Option<&toml::Value>) -> Result<T> {
@@ -130,32 +149,22 @@ mod tests {
     #[test]
     fn wrong_keys_and_values_are_named_with_their_line() {
         for (text, line, word) in [
-            (
-                "[learn]\nfeatures-per-visit = 0",
-                "line 1",
-                "features-per-visit",
-            ),
-            (
-                "[learn]\n\nfeatures-per-visits = 9",
-                "line 3",
-                "features-per-visits",
-            ),
+            ("[learn]\nfeatures-per-visit = 0", "line 1", "features-per"),
+            ("[learn]\n\nfeatures-per-visits = 9", "line 3", "-visits"),
             ("[locate]\n", "line 1", "locate"),
             ("[motion]\nkidnap = 0.0", "line 1", "kidnap"),
-            (
-                "[localize]\nselection = { top = 0 }",
-                "line 2",
-                "0 features",
-            ),
-            (
-                "[localize]\nselection = { threshold = nan }",
-                "line 2",
-                "[0, 1]",
-            ),
-            ("[localize]\nmin-score = -1", "line 2", "-1"),
+            ("selection = { top = 0 }", "line 2", "0 features"),
+            ("selection = { threshold = nan }", "line 2", "[0, 1]"),
+            ("min-score = -1", "line 2", "-1"),
             ("[localize", "line 1", ""),
         ] {
-            let error = preset(Preset::Default).changed_by(text).expect_err(text);
+            let text = match text.starts_with('[') {
+                true => text.to_owned(),
+                false => format!("[localize]\n{text}"),
+            };
+            let error = preset(Preset::Default)
+                .changed_by(&text)
+                .expect_err("a wrong text");
             assert_eq!(error.kind(), ErrorKind::Config);
             let shown = error.to_string();
             assert!(

@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::{Args, Subcommand};
 use serde_json::json;
 
-use super::Outcome;
+use super::outcome::Outcome;
 use super::output::Output;
 use chronotope::error::{Error, ErrorKind};
 use chronotope::map::{Edge, Map, PlaceKey, Snapshot};

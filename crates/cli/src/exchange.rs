@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use clap::Args;
 
-use super::output::Output;
-use super::{Outcome, new_map};
+use super::new_map;
+use super::outcome::Outcome;
+use super::output::{Output, contents};
 use chronotope::error::{Error, ErrorKind};
 use chronotope::feature::{ExtractorConfig, StarBriefConfig};
 use chronotope::learn::{self, LearnConfig};
@@ -75,14 +76,8 @@ pub(super) fn import(args: &ImportArgs, out: &mut Output) -> Result<Outcome> {
 }
 
 fn print_summary(out: &mut Output, path: &Path, snapshot: &Snapshot) -> Result<Outcome> {
-    let summary = snapshot.summary();
-    out.line(format_args!(
-        "{}: {} places, {} visits, {} features",
-        path.display(),
-        summary.num_places,
-        summary.num_visits,
-        summary.num_features
-    ))?;
+    let contents = contents(&snapshot.summary(), "");
+    out.line(format_args!("{}: {contents}", path.display()))?;
     Ok(Outcome::Good)
 }
 

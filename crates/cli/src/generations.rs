@@ -7,8 +7,9 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 
-use super::Outcome;
-use super::output::{Output, hex};
+use super::arguments::ShownMap;
+use super::outcome::Outcome;
+use super::output::{Output, contents, hex};
 use chronotope::map::{Generation, Map};
 use chronotope::time::Period;
 
@@ -20,12 +21,10 @@ use chronotope::time::Period;
 Examples:
   chronotope map log street.map
   chronotope map log street.map --json | jq .number")]
+#[command(mut_arg("json", |arg| arg.help("One JSON object a generation")))]
 pub(super) struct LogArgs {
-    /// The map file.
-    map: PathBuf,
-    /// One JSON object a generation.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    shown: ShownMap,
 }
 
 /// Make a map again what it was at a generation.
@@ -74,6 +73,7 @@ pub(super) struct PruneArgs {
 }
 
 pub(super) fn log(args: &LogArgs, out: &mut Output) -> Result<Outcome> {
+    let args = &args.shown;
     let generations = Map::open_read_only(&args.map)?.generations()?;
     let lead_here = line_of(&generations);
     let by_number: BTreeMap<u64, &Generation> =
@@ -139,11 +139,7 @@ pub(super) fn rollback(args: &RollbackArgs, out: &mut Output) -> Result<Outcome>
     let map = Map::open(&args.map)?;
     let before = map.snapshot().generation;
     let generation = map.rollback(args.to)?;
-    let summary = map.snapshot().summary();
-    let state = format!(
-        "{} places, {} visits, {} features",
-        summary.num_places, summary.num_visits, summary.num_features
-    );
+    let state = contents(&map.snapshot().summary(), "");
     if generation == before {
         out.line(format_args!(
             "{}: generation {generation} is the newest already: {state}",

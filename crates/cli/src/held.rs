@@ -1,15 +1,16 @@
 //! Which visits does the map doubt, and what becomes of them?
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 
+use super::arguments::ShownMap;
 use super::config::Config;
+use super::outcome::Outcome;
 use super::output::Output;
-use super::{Outcome, preset_of};
 use chronotope::error::{Error, ErrorKind};
 use chronotope::learn::{Learner, forget_session};
 use chronotope::map::{Map, Quarantine, QuarantinedVisit, SessionId, Snapshot, VisitId};
@@ -24,12 +25,10 @@ use chronotope::map::{Map, Quarantine, QuarantinedVisit, SessionId, Snapshot, Vi
 Examples:
   chronotope map held street.map
   chronotope map held street.map --json | jq .doubt")]
+#[command(mut_arg("json", |arg| arg.help("One JSON object a visit")))]
 pub(super) struct HeldArgs {
-    /// The map file.
-    map: PathBuf,
-    /// One JSON object a visit.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    shown: ShownMap,
 }
 
 /// Learn visits that a map holds, after all.
@@ -87,6 +86,7 @@ pub(super) struct ForgetArgs {
 }
 
 pub(super) fn held(args: &HeldArgs, out: &mut Output) -> Result<Outcome> {
+    let args = &args.shown;
     let map = Map::open_read_only(&args.map)?;
     let held = held_by(&map)?;
     for it in held.visits() {
@@ -119,7 +119,7 @@ pub(super) fn held(args: &HeldArgs, out: &mut Output) -> Result<Outcome> {
 pub(super) fn accept(args: &AcceptArgs, out: &mut Output) -> Result<Outcome> {
     let map = Map::open(&args.which.map)?;
     let snapshot = map.snapshot();
-    let config = Config::read(args.config.as_deref(), preset_of(&snapshot.meta))?;
+    let config = Config::read_for(&snapshot.meta, args.config.as_deref())?;
     let ids = args.which.find(&map)?;
     let mut learner = Learner::resume(config.learn, Snapshot::clone(&snapshot))?;
     for &id in &ids {
@@ -222,12 +222,4 @@ fn one(held: &[QuarantinedVisit], text: &str) -> chronotope::Result<VisitId> {
         ),
     };
     Err(Error::new(kind, message).with_help("`chronotope map held` lists the visits"))
-}
-
-/// Says that a visit was not learnt, and why.
-pub(super) fn print_held(source: &str, doubt: &chronotope::map::QuarantineReason, map: &Path) {
-    eprintln!(
-        "held: {source}: {doubt} (`chronotope map held {}` lists all)",
-        map.display()
-    );
 }

@@ -1,12 +1,11 @@
 //! What is in this map file, and is it intact?
 
-use std::path::PathBuf;
-
 use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 
-use super::Outcome;
+use super::arguments::ShownMap;
+use super::outcome::Outcome;
 use super::output::{Output, hex};
 use chronotope::map::{AppearanceUse, Map, Node};
 use chronotope::time::Time;
@@ -18,11 +17,8 @@ Examples:
   chronotope map inspect street.map
   chronotope map inspect street.map --json | jq .places[].key")]
 pub(super) struct InspectArgs {
-    /// The map file.
-    map: PathBuf,
-    /// One JSON object.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    shown: ShownMap,
 }
 
 /// Check every byte of a map file; nothing is changed.
@@ -34,14 +30,12 @@ Examples:
   chronotope map verify street.map
   chronotope map verify street.map --json")]
 pub(super) struct VerifyArgs {
-    /// The map file.
-    map: PathBuf,
-    /// One JSON object.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    shown: ShownMap,
 }
 
 pub(super) fn inspect(args: &InspectArgs, out: &mut Output) -> Result<Outcome> {
+    let args = &args.shown;
     let map = Map::open_read_only(&args.map)?;
     let snapshot = map.snapshot();
     let summary = snapshot.summary();
@@ -145,6 +139,7 @@ fn place_json(node: &Node) -> serde_json::Value {
 }
 
 pub(super) fn verify(args: &VerifyArgs, out: &mut Output) -> Result<Outcome> {
+    let args = &args.shown;
     let report = Map::verify(&args.map)?;
     let digest = report.digest.map(|digest| hex(&digest));
     if args.json {
@@ -179,9 +174,5 @@ pub(super) fn verify(args: &VerifyArgs, out: &mut Output) -> Result<Outcome> {
             report.faults.len()
         ))?;
     }
-    Ok(if report.is_clean() {
-        Outcome::Good
-    } else {
-        Outcome::Doubtful
-    })
+    Ok(Outcome::of_check(report.is_clean()))
 }

@@ -6,22 +6,24 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde::Serialize;
 
-use super::config::Config;
-use super::held;
+use super::arguments::{ConfigArgs, named};
+use super::config::{Config, preset_of};
+use super::interrupt;
 use super::live::{self, Frames};
+use super::outcome::Outcome;
 use super::output::Output;
 use super::pictures::{Picture, Pictures, TimeSource};
-use super::{ConfigArgs, Outcome, interrupt, named, preset_of};
+use super::warnings::{print_held, warn_of_time};
 use chronotope::error::Error;
 use chronotope::feature::{LoadOptions, load_mask};
 use chronotope::localize::{
     Candidate, Decision, IndexCache, Localization, Localizer, LocalizerConfig, Method, Preset,
     Score,
 };
-use chronotope::map::{MapMeta, NodeId, PlaceKey, Snapshot};
+use chronotope::map::{MapMeta, NodeId, PlaceKey};
 use chronotope::predict::Selection;
 use chronotope::robot::{Event, Frame, Robot, RobotConfig};
-use chronotope::time::{Period, Time};
+use chronotope::time::Time;
 use chronotope::trace::{Shot, Stage, TraceConfig, Tracer};
 
 /// Say at which place of a map images were taken.
@@ -103,8 +105,7 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
     let mut config = Config::read(args.config.config.as_deref(), preset)?;
     config.localize = args.change(config.localize)?;
     if args.config.print_config {
-        out.line(config.to_toml()?.trim_end())?;
-        return Ok(Outcome::Good);
+        return config.print(out);
     }
     let Some(path) = &args.map else {
         bail!("MAP is missing");
@@ -373,7 +374,7 @@ impl<'o> Guide<'o> {
             match event {
                 Event::Learnt { source, learnt, .. } if learnt.doubt.is_some() => {
                     if let Some(doubt) = &learnt.doubt {
-                        held::print_held(&source, doubt, &map);
+                        print_held(&source, doubt, &map);
                     }
                 }
                 Event::Learnt {
@@ -412,29 +413,6 @@ impl<'o> Guide<'o> {
         }
         Ok(self.outcome)
     }
-}
-
-/// Says so if `time` lies before the map's visits or far after them; answers are given all the
-/// same.
-pub(super) fn warn_of_time(snapshot: &Snapshot, time: Time, name: Option<&str>) -> bool {
-    let summary = snapshot.summary();
-    let (Some(first), Some(last)) = (summary.first, summary.last) else {
-        return false;
-    };
-    let name = name.map_or_else(String::new, |name| format!("{name}: "));
-    let far_s = last.since_s(first).max(Period::YEAR.as_s());
-    if time < first {
-        eprintln!("warning: {name}{time} is before the map's first visit at {first}");
-    } else if time.since_s(last) > far_s {
-        let years = time.since_s(last) / Period::YEAR.as_s();
-        eprintln!(
-            "warning: {name}{time} is {years:.1} years after the map's last visit at {last}: its \
-             rhythms may have changed"
-        );
-    } else {
-        return false;
-    }
-    true
 }
 
 /// One answer, for people and scripts.

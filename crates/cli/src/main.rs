@@ -5,6 +5,7 @@
 //! an error, 130 interrupted. Nothing here computes: each command reads its arguments, calls the
 //! rooms below and shows what they say.
 
+mod arguments;
 mod build;
 mod calibrate;
 mod check;
@@ -19,24 +20,24 @@ mod live;
 mod localize;
 mod merge;
 mod new_map;
+mod outcome;
 mod output;
 mod pictures;
 mod predict;
 mod progress;
 mod spectrum;
 mod spectrum_svg;
+mod warnings;
 
 use std::io::IsTerminal;
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Result;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{ArgAction, Args, Parser, Subcommand};
+use clap::{ArgAction, Parser, Subcommand};
 
 use chronotope::error::describe;
-use chronotope::localize::Preset;
 use chronotope::simd::Kernel;
+use outcome::Outcome;
 use output::Output;
 
 /// Visual topological localisation that knows what each place looks like at a given time.
@@ -112,42 +113,6 @@ enum DatasetCommand {
     Check(check::CheckArgs),
 }
 
-/// Where numbers come from.
-#[derive(Debug, Args)]
-struct ConfigArgs {
-    /// TOML with the tables [learn] and [localize]; a key that is given replaces the preset's, a
-    /// table in it as a whole.
-    #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
-    /// Print the configuration in effect as TOML and do nothing else; it can be given to --config.
-    #[arg(long)]
-    print_config: bool,
-}
-
-/// How a command ended that did not fail.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Outcome {
-    /// Located, or done.
-    Good,
-    /// Unknown or ambiguous, or problems were found.
-    Doubtful,
-    /// An error was printed already; what could be done was.
-    Failed,
-    /// Stopped on request.
-    Interrupted,
-}
-
-impl From<Outcome> for ExitCode {
-    fn from(outcome: Outcome) -> Self {
-        match outcome {
-            Outcome::Good => Self::SUCCESS,
-            Outcome::Doubtful => Self::from(1),
-            Outcome::Failed => Self::from(2),
-            Outcome::Interrupted => Self::from(interrupt::EXIT_CODE),
-        }
-    }
-}
-
 /// Runs the command that the process's arguments name; usage errors and `--help` end the process.
 fn main() -> ExitCode {
     let cli = Cli::parse();
@@ -191,20 +156,6 @@ impl Cli {
             Command::Dataset(DatasetCommand::Check(args)) => check::run(&args, &mut out),
         }
     }
-}
-
-/// Reads one of `names`, which are listed where another one is given.
-fn named<T>(names: impl IntoIterator<Item = &'static str>) -> impl TypedValueParser<Value = T>
-where
-    T: std::str::FromStr<Err = chronotope::Error> + Clone + Send + Sync + 'static,
-{
-    PossibleValuesParser::new(names).try_map(|name| name.parse::<T>())
-}
-
-/// The preset that a map says it was built with; the preset `default` where this program does not
-/// know it.
-fn preset_of(meta: &chronotope::map::MapMeta) -> Preset {
-    meta.preset.parse().unwrap_or(Preset::Default)
 }
 
 fn log_to_stderr(verbosity: u8) {

@@ -7,8 +7,9 @@ use anyhow::Result;
 use clap::Args;
 
 use super::config::Config;
-use super::output::Output;
-use super::{Outcome, new_map, preset_of};
+use super::new_map;
+use super::outcome::Outcome;
+use super::output::{Output, contents};
 use chronotope::learn;
 use chronotope::map::{Map, Snapshot};
 
@@ -61,18 +62,16 @@ pub(super) fn run(args: &MergeArgs, out: &mut Output) -> Result<Outcome> {
     let maps: Vec<&Snapshot> = maps.iter().map(|map| &**map).collect();
     let mut merged = learn::merge(&maps)?;
     if args.relearn {
-        let config = Config::read(args.config.as_deref(), preset_of(&merged.meta))?;
+        let config = Config::read_for(&merged.meta, args.config.as_deref())?;
         merged = learn::relearn(config.learn, &merged)?;
     }
     new_map::write(&args.out, &merged)?;
     let summary = merged.summary();
-    out.line(format_args!(
-        "{}: {} places, {} visits ({} were in more than one map), {} features",
-        args.out.display(),
-        summary.num_places,
-        summary.num_visits,
-        num_visits - summary.num_visits,
-        summary.num_features
-    ))?;
+    let num_shared = num_visits - summary.num_visits;
+    let contents = contents(
+        &summary,
+        format_args!(" ({num_shared} were in more than one map)"),
+    );
+    out.line(format_args!("{}: {contents}", args.out.display()))?;
     Ok(Outcome::Good)
 }

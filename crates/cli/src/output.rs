@@ -6,6 +6,8 @@ use std::io::{self, Write};
 use anyhow::Result;
 use serde::Serialize;
 
+use chronotope::map::Summary;
+
 /// Lines of text or JSON on stdout, or on stderr where stdout carries a trace.
 pub(super) struct Output(Box<dyn Write>);
 
@@ -41,6 +43,14 @@ pub(super) fn is_closed_pipe(error: &anyhow::Error) -> bool {
     error
         .downcast_ref::<io::Error>()
         .is_some_and(|error| error.kind() == io::ErrorKind::BrokenPipe)
+}
+
+/// What a map holds, in words; a remark on the visits stands behind their number.
+pub(super) fn contents(summary: &Summary, remark: impl Display) -> String {
+    format!(
+        "{} places, {} visits{remark}, {} features",
+        summary.num_places, summary.num_visits, summary.num_features
+    )
 }
 
 /// Bytes in hexadecimal.

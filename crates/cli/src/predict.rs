@@ -6,10 +6,11 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 
-use super::config::Config;
-use super::localize::warn_of_time;
+use super::arguments::ConfigArgs;
+use super::config::{Config, preset_of};
+use super::outcome::Outcome;
 use super::output::Output;
-use super::{ConfigArgs, Outcome, preset_of};
+use super::warnings::warn_of_time;
 use chronotope::error::{Error, ErrorKind};
 use chronotope::localize::{Localizer, Method, Preset};
 use chronotope::map::{Map, NodeId, PlaceKey, Snapshot};
@@ -54,8 +55,7 @@ pub(super) fn run(args: &PredictArgs, out: &mut Output) -> Result<Outcome> {
         config.localize = config.localize.with_method(Method::Fremen);
     }
     if args.config.print_config {
-        out.line(config.to_toml()?.trim_end())?;
-        return Ok(Outcome::Good);
+        return config.print(out);
     }
     let (Some(map), Some(time)) = (map, args.time) else {
         anyhow::bail!("MAP and --time are missing");

@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::Outcome;
+use super::outcome::Outcome;
 use super::output::Output;
 use super::spectrum_svg::{Picture, times};
 use fremen::Series;

@@ -1,5 +1,8 @@
 //! Which times and states are in this CSV file?
 
+use std::path::Path;
+
+use super::Series;
 use crate::error::{Error, ErrorKind, Result};
 use crate::time::{Period, Time};
 
@@ -12,8 +15,26 @@ pub struct Columns<'a> {
     pub state: Option<&'a str>,
 }
 
-/// The rows in the order of the file: a time, and the state if it is known. At least one state is.
-pub(super) fn parse(bytes: &[u8], columns: Columns<'_>) -> Result<Vec<(Time, Option<bool>)>> {
+impl Series {
+    /// Reads a CSV file: a time and a state on every line.
+    ///
+    /// Times are RFC 3339 with an offset or seconds since 1970 (a fraction is allowed), states `0`,
+    /// `1`, `false`, `true`; a row with an empty state is missing. Rows may come in any order,
+    /// lines that begin with `#` are comments, and a first row whose time is none is a header.
+    /// Fails with the line of what is no series.
+    pub fn read_csv(path: impl AsRef<Path>, columns: Columns<'_>) -> Result<Self> {
+        let path = path.as_ref();
+        let bytes = std::fs::read(path).map_err(|cause| Error::io(path, cause))?;
+        Self::parse_csv(&bytes, columns).map_err(|error| error.with_path(path))
+    }
+
+    /// [`read_csv`](Self::read_csv) of the content of a file.
+    pub fn parse_csv(bytes: &[u8], columns: Columns<'_>) -> Result<Self> {
+        parse(bytes, columns)
+    }
+}
+
+fn parse(bytes: &[u8], columns: Columns<'_>) -> Result<Series> {
     let mut reader = ::csv::ReaderBuilder::new()
         .has_headers(false)
         .trim(::csv::Trim::All)
@@ -56,11 +77,12 @@ pub(super) fn parse(bytes: &[u8], columns: Columns<'_>) -> Result<Vec<(Time, Opt
             }
         }
     }
-    if samples.iter().all(|sample| sample.1.is_none()) {
+    let series: Series = samples.into_iter().collect();
+    if series.is_empty() {
         return Err(format("the file has no rows with a time and a state")
             .with_help("rows look like `2024-05-01T08:30:00Z,1`"));
     }
-    Ok(samples)
+    Ok(series)
 }
 
 /// The places of time and state in a header.
@@ -121,10 +143,9 @@ pub fn line_of_record(text: &[u8], record: &::csv::StringRecord, comment: Option
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Series;
 
     fn parse(text: &str) -> Result<Series> {
-        Series::parse_csv(text.as_bytes(), Columns::default())
+        super::parse(text.as_bytes(), Columns::default())
     }
 
     #[test]
@@ -149,7 +170,7 @@ mod tests {
             time: Some("t"),
             state: Some("ok"),
         };
-        let series = Series::parse_csv(b"ok,x,t\n1,7,10\n,7,20\n0,7,5\n", columns).expect("valid");
+        let series = super::parse(b"ok,x,t\n1,7,10\n,7,20\n0,7,5\n", columns).expect("valid");
         assert_eq!(
             series.states(),
             [(Time::from_s(5), false), (Time::from_s(10), true)]
@@ -159,7 +180,7 @@ mod tests {
             state: Some("door"),
             ..columns
         };
-        let error = Series::parse_csv(b"ok,x,t\n1,7,10\n", unknown).expect_err("no such column");
+        let error = super::parse(b"ok,x,t\n1,7,10\n", unknown).expect_err("no such column");
         assert!(error.to_string().contains("ok, x, t"), "{error}");
     }
 

@@ -1,0 +1,39 @@
+//! What should people know that is no answer and no error?
+//!
+//! Lines on stderr that several commands print alike.
+
+use std::path::Path;
+
+use chronotope::map::{QuarantineReason, Snapshot};
+use chronotope::time::{Period, Time};
+
+/// Says that a visit was not learnt, and why.
+pub(super) fn print_held(source: &str, doubt: &QuarantineReason, map: &Path) {
+    eprintln!(
+        "held: {source}: {doubt} (`chronotope map held {}` lists all)",
+        map.display()
+    );
+}
+
+/// Says so if `time` lies before the map's visits or far after them; answers are given all the
+/// same.
+pub(super) fn warn_of_time(snapshot: &Snapshot, time: Time, name: Option<&str>) -> bool {
+    let summary = snapshot.summary();
+    let (Some(first), Some(last)) = (summary.first, summary.last) else {
+        return false;
+    };
+    let name = name.map_or_else(String::new, |name| format!("{name}: "));
+    let far_s = last.since_s(first).max(Period::YEAR.as_s());
+    if time < first {
+        eprintln!("warning: {name}{time} is before the map's first visit at {first}");
+    } else if time.since_s(last) > far_s {
+        let years = time.since_s(last) / Period::YEAR.as_s();
+        eprintln!(
+            "warning: {name}{time} is {years:.1} years after the map's last visit at {last}: its \
+             rhythms may have changed"
+        );
+    } else {
+        return false;
+    }
+    true
+}

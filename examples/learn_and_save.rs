@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 session,
                 time: entry.time,
                 features: &features,
-                image_size: (image.width() as u32, image.height() as u32),
+                image_size: image.size(),
                 mask: None,
                 source: entry.id,
             })?;

@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             place: entry.place,
             time: entry.time,
             features: &features,
-            image_size: (image.width() as u32, image.height() as u32),
+            image_size: image.size(),
             mask: None,
             source: entry.id,
         })?;
@@ -54,7 +54,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let truth = (localizer.snapshot().find(&world.places()[place])).ok_or("no such place")?;
 
     let first = world.render(place, Time::parse(TIMES[0])?, 0);
-    let (width, height) = (first.width() as u32, first.height() as u32);
+    let (width, height) = first.size();
     let mut picture = RgbImage::from_pixel(
         2 * width + GAP_PX,
         2 * height + GAP_PX,

@@ -60,7 +60,7 @@ fn learn_a_year(world: &World, schedule: &Schedule, path: &Path) -> chronotope::
             place: entry.place,
             time: entry.time,
             features: &extractor.extract(&image, None)?,
-            image_size: (image.width() as u32, image.height() as u32),
+            image_size: image.size(),
             mask: None,
             source: entry.id,
         })?;

@@ -92,7 +92,7 @@ fn street() -> &'static Street {
                     session: SessionId::derive("learn"),
                     time: entry.time,
                     features: &features,
-                    image_size: (image.width() as u32, image.height() as u32),
+                    image_size: image.size(),
                     mask: None,
                     source: entry.id.clone(),
                 };
@@ -253,7 +253,9 @@ fn extracting_allocates_nothing_once_warm() {
     let mut features = Features::new();
     let all = |features: &mut Features| {
         for image in &images {
-            extractor.extract_into(image, None, features).unwrap();
+            extractor
+                .extract_into(image.view(), None, features)
+                .unwrap();
             assert!(!features.is_empty());
         }
     };

@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::{Extractor, StarBrief, StarBriefConfig};
+use super::StarBriefConfig;
 use fremen::error::{Error, ErrorKind, Result};
 
 /// An extractor and its parameters; `kind` names it in files.
@@ -18,7 +18,7 @@ use fremen::error::{Error, ErrorKind, Result};
 #[serde(tag = "kind", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum ExtractorConfig {
-    /// [`StarBrief`]: the reference recipe.
+    /// [`StarBrief`](super::StarBrief): the reference recipe.
     StarBrief(StarBriefConfig),
     /// Corners of ORB's pyramid with our BRIEF; needs the feature `opencv`.
     OrbBrief(CornerBriefConfig),
@@ -78,25 +78,7 @@ impl CornerBriefConfig {
 }
 
 impl ExtractorConfig {
-    /// The extractor; parameters it cannot work with, or one that this build lacks, are a
-    /// [`ErrorKind::Config`] error.
-    pub fn build(&self) -> Result<Box<dyn Extractor>> {
-        match self {
-            Self::StarBrief(config) => Ok(Box::new(StarBrief::new(config.clone())?)),
-            #[cfg(feature = "opencv")]
-            Self::OrbBrief(_) | Self::FastBrief(_) | Self::AgastBrief(_) => Ok(Box::new(
-                super::opencv_keypoints::CornerBrief::new(self.clone())?,
-            )),
-            #[cfg(not(feature = "opencv"))]
-            Self::OrbBrief(_) | Self::FastBrief(_) | Self::AgastBrief(_) => Err(Error::new(
-                ErrorKind::Config,
-                format!("this build has no OpenCV, which `{}` needs", self.id()),
-            )
-            .with_help("build with `--features opencv`, or use the kind `star-brief`")),
-        }
-    }
-
-    /// What [`Extractor::id`] of the built extractor says.
+    /// What [`Extractor::id`](super::Extractor::id) of the built extractor says.
     pub fn id(&self) -> String {
         // Plain structs of numbers always serialise; an empty map could only make ids less
         // specific.

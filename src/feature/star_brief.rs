@@ -12,93 +12,12 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use serde::{Deserialize, Serialize};
-
 use super::brief::{self, BriefScratch};
 use super::selection::{check_mask, drop_masked, sort_keypoints};
-use super::star::{self, Field, StarParams, StarScratch};
-use super::{Extractor, ExtractorConfig, Features, GrayImage, Keypoint};
+use super::star::{self, Field, StarScratch};
+use super::{Extractor, ExtractorConfig, Features, GrayImage, GrayView, Keypoint, StarBriefConfig};
 use crate::simd::Kernel;
 use fremen::error::Result;
-
-/// The configuration of [`StarBrief`]; the default is the reference recipe.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct StarBriefConfig {
-    num_features: usize,
-    max_size: u8,
-    response_threshold: u16,
-    line_threshold_projected: u16,
-    line_threshold_binarized: u16,
-    suppress_nonmax_size: u8,
-}
-
-impl Default for StarBriefConfig {
-    fn default() -> Self {
-        Self {
-            num_features: 500,
-            max_size: 45,
-            response_threshold: 0,
-            line_threshold_projected: 10,
-            line_threshold_binarized: 8,
-            suppress_nonmax_size: 5,
-        }
-    }
-}
-
-impl StarBriefConfig {
-    /// At most this many features of an image, the strongest (500).
-    #[must_use]
-    pub fn with_num_features(mut self, num_features: usize) -> Self {
-        self.num_features = num_features;
-        self
-    }
-
-    /// The first filter size that is not below this is the largest used, px; 5 to 128 (45).
-    #[must_use]
-    pub fn with_max_size(mut self, px: u8) -> Self {
-        self.max_size = px;
-        self
-    }
-
-    /// Keypoints have a response of a larger magnitude than this, grey levels (0).
-    #[must_use]
-    pub fn with_response_threshold(mut self, levels: u16) -> Self {
-        self.response_threshold = levels;
-        self
-    }
-
-    /// `k` of the line test on responses; 4 rejects everything, larger permits more (10).
-    #[must_use]
-    pub fn with_line_threshold_projected(mut self, ratio: u16) -> Self {
-        self.line_threshold_projected = ratio;
-        self
-    }
-
-    /// `k` of the line test on sizes; 4 rejects everything, larger permits more (8).
-    #[must_use]
-    pub fn with_line_threshold_binarized(mut self, ratio: u16) -> Self {
-        self.line_threshold_binarized = ratio;
-        self
-    }
-
-    /// Side of the window in which a keypoint is the only extremum, px (5).
-    #[must_use]
-    pub fn with_suppress_nonmax_size(mut self, px: u8) -> Self {
-        self.suppress_nonmax_size = px;
-        self
-    }
-
-    fn star(&self) -> StarParams {
-        StarParams {
-            max_size: self.max_size,
-            response_threshold: self.response_threshold,
-            line_threshold_projected: self.line_threshold_projected,
-            line_threshold_binarized: self.line_threshold_binarized,
-            suppress_nonmax_size: self.suppress_nonmax_size,
-        }
-    }
-}
 
 /// STAR keypoints with BRIEF-32 descriptors, bit-exact with OpenCV's.
 #[derive(Default)]
@@ -135,7 +54,12 @@ impl StarBrief {
 
     /// All keypoints of `image` before the cut and without regard to BRIEF's border, in the order
     /// of [`Extractor`].
-    pub fn detect(&self, image: &GrayImage, mask: Option<&GrayImage>) -> Result<Vec<Keypoint>> {
+    pub fn detect<'a>(
+        &self,
+        image: impl Into<GrayView<'a>>,
+        mask: Option<&GrayImage>,
+    ) -> Result<Vec<Keypoint>> {
+        let image = image.into();
         check_mask(image, mask)?;
         self.with_scratch(|Scratch { star, .. }| {
             let mut keypoints = Vec::new();
@@ -150,7 +74,7 @@ impl StarBrief {
     fn candidates<'a>(
         &self,
         star: &'a mut StarScratch,
-        image: &GrayImage,
+        image: GrayView<'_>,
         keypoints: &mut Vec<Keypoint>,
     ) -> Field<'a> {
         star::candidates(image, self.config.star(), self.kernel, star, keypoints)
@@ -170,15 +94,9 @@ impl Extractor for StarBrief {
         ExtractorConfig::StarBrief(self.config.clone()).id()
     }
 
-    fn extract(&self, image: &GrayImage, mask: Option<&GrayImage>) -> Result<Features> {
-        let mut features = Features::new();
-        self.extract_into(image, mask, &mut features)?;
-        Ok(features)
-    }
-
     fn extract_into(
         &self,
-        image: &GrayImage,
+        image: GrayView<'_>,
         mask: Option<&GrayImage>,
         features: &mut Features,
     ) -> Result<()> {
@@ -202,7 +120,7 @@ impl Extractor for StarBrief {
                     candidates
                         .iter()
                         .filter(|keypoint| !field.is_on_line(keypoint))
-                        .take(self.config.num_features),
+                        .take(self.config.num_features()),
                 );
                 brief::describe(image, keypoints, self.kernel, brief, descriptors);
                 Ok(())

@@ -59,7 +59,7 @@ fn observe(learner: &mut Learner, session: &str, it: &Seen) -> chronotope::Resul
         session: SessionId::derive(session),
         time: it.time,
         features: &it.features,
-        image_size: (it.image.width() as u32, it.image.height() as u32),
+        image_size: it.image.size(),
         mask: None,
         source: format!("{session} {} {}", it.place, it.time),
     };

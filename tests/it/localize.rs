@@ -38,7 +38,7 @@ fn street() -> &'static Street {
             (dataset.entries.into_iter())
                 .map(|entry| {
                     let image = entry.source.load().expect("renders");
-                    assert_eq!((image.width() as u32, image.height() as u32), SIZE);
+                    assert_eq!(image.size(), SIZE);
                     let features = extractor.extract(&image, None).expect("extracts");
                     Seen { entry, features }
                 })

@@ -382,7 +382,7 @@ impl Build {
         let mask = entry.source.mask(image.width(), image.height())?;
         Ok(Extracted {
             features: self.extractor.extract(&image, mask.as_ref())?,
-            image_size: (image.width() as u32, image.height() as u32),
+            image_size: image.size(),
             gray_range: image.gray_range(mask.as_ref()),
             mask,
         })

@@ -272,7 +272,7 @@ fn learn(world: &World, schedule: &Schedule, extractor: &StarBrief) -> Result<Lo
             session: SessionId::derive("one run"),
             time: entry.time,
             features: &extractor.extract(&image, None)?,
-            image_size: (image.width() as u32, image.height() as u32),
+            image_size: image.size(),
             mask: None,
             source: entry.id,
         })?;

@@ -958,7 +958,7 @@ mod tests {
                     session: SessionId::derive("one run"),
                     time: entry.time,
                     features: &extractor.extract(&image, None).unwrap(),
-                    image_size: (image.width() as u32, image.height() as u32),
+                    image_size: image.size(),
                     mask: None,
                     source: entry.id,
                 })

@@ -42,7 +42,7 @@ impl Street {
                     session: SessionId::derive("one run"),
                     time: entry.time,
                     features: &extractor.extract(&image, None).unwrap(),
-                    image_size: (image.width() as u32, image.height() as u32),
+                    image_size: image.size(),
                     mask: None,
                     source: entry.id,
                 })
@@ -218,7 +218,7 @@ fn the_command_and_the_dashboard_speak_one_language() {
     localize.arg("localize").arg(&map_path);
     for (index, (picture, _)) in street.asked.iter().enumerate() {
         let path = folder.path().join(format!("{index}.png"));
-        let (width, height) = (picture.width() as u32, picture.height() as u32);
+        let (width, height) = picture.size();
         image::GrayImage::from_raw(width, height, picture.data().to_vec())
             .unwrap()
             .save(&path)

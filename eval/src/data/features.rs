@@ -106,7 +106,7 @@ fn extract(entry: &Entry, extractor: &dyn Extractor) -> Result<Extracted> {
     let mask = entry.source.mask(image.width(), image.height())?;
     Ok(Extracted {
         features: extractor.extract(&image, mask.as_ref())?,
-        image_size: (image.width() as u32, image.height() as u32),
+        image_size: image.size(),
         digest: image.digest().0,
     })
 }

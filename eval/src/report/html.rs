@@ -67,7 +67,7 @@ pub(crate) fn signed(value: f64) -> String {
 /// `image`, at most `max_width` columns wide, as a `data:` URI.
 pub(crate) fn data_uri(image: &GrayImage, max_width: u32) -> Result<String> {
     let unfit = |what: String| Error::new(ErrorKind::Format, what);
-    let (width, height) = (image.width() as u32, image.height() as u32);
+    let (width, height) = image.size();
     if width == 0 || height == 0 {
         return Err(unfit(format!("a picture of {width} x {height} pixels")));
     }

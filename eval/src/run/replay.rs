@@ -170,7 +170,7 @@ impl<E: Extractor> Replay<'_, E> {
             let start = Instant::now();
             let query = Query::new(&live)
                 .at(times[entry])
-                .with_image_size((picture.width() as u32, picture.height() as u32));
+                .with_image_size(picture.size());
             localizer.localize_into(&mut scratch, &query, &mut answer)?;
             let stages = [decode, extract, Stage::since("localize", start)];
             let file = queried.source.path();

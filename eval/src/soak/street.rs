@@ -70,7 +70,7 @@ impl Street {
                 cfg.for_building(),
                 Duration::ZERO,
             )?,
-            image_size: (image.width() as u32, image.height() as u32),
+            image_size: image.size(),
         })
     }
 

@@ -35,10 +35,12 @@ cargo fmt --all --check
 say "clippy: workspace with opencv"
 cargo clippy --locked --workspace --all-targets --features opencv -- -D warnings
 
-say "feature matrix: without default features, default, opencv alone"
+say "feature matrix: a robot's build without features, each feature alone, default"
 cargo clippy --locked -p chronotope --lib --no-default-features -- -D warnings
+for feature in dataset hnsw trace opencv; do
+    cargo clippy --locked -p chronotope --lib --no-default-features --features "$feature" -- -D warnings
+done
 cargo clippy --locked -p chronotope --lib --bins -- -D warnings
-cargo clippy --locked -p chronotope --lib --no-default-features --features opencv -- -D warnings
 
 say "rustdoc"
 RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --lib --features opencv

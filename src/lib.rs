@@ -6,7 +6,8 @@
 //! the features that should be visible are predicted, matched with those of the image, and the
 //! places are ranked by how much agrees.
 //!
-//! ```
+#![cfg_attr(feature = "dataset", doc = "```")]
+#![cfg_attr(not(feature = "dataset"), doc = "```ignore")]
 //! use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
 //! use chronotope::feature::{Extractor, StarBrief, StarBriefConfig};
 //! use chronotope::learn::{LearnConfig, Learner, Observation};
@@ -28,7 +29,7 @@
 //!         session: SessionId::derive("one run"),
 //!         time: entry.time,
 //!         features: &features,
-//!         image_size: (image.width() as u32, image.height() as u32),
+//!         image_size: image.size(),
 //!         mask: None,
 //!         source: entry.id,
 //!     })?;
@@ -77,7 +78,7 @@
 //! # Conventions
 //!
 //! - *Pixels*: x to the right, y down, the centre of the upper-left pixel at (0, 0). A displacement
-//!   is live minus map, in px. Images are 8-bit grey in rows without padding.
+//!   is live minus map, in px. Images are 8-bit grey, row by row.
 //! - *Time*: [`Time`] counts microseconds since 1970-01-01T00:00:00Z in an `i64`; a [`Period`] is a
 //!   whole number of microseconds, and a year has 365.2425 days. Phases are taken modulo the period
 //!   before anything becomes a float.
@@ -93,6 +94,8 @@
 //!
 //! # Features of the crate
 //!
+//! - `dataset` (by default): codecs of image files, EXIF, manifests, the synthetic world. A robot
+//!   whose frames come from a driver needs none of it.
 //! - `hnsw` (by default): candidates of a large map by a graph of place signatures.
 //! - `trace` (by default): one line of JSON for each localisation, with pictures, for dashboards.
 //! - `opencv`: camera and video input, keypoints of ORB, FAST and AGAST. Needs OpenCV 4 and
@@ -116,6 +119,7 @@
 //! - M. Agrawal, K. Konolige, M. R. Blas: CenSurE: Center surround extremas for realtime feature
 //!   detection and matching. ECCV 2008.
 
+#[cfg(feature = "dataset")]
 pub mod dataset;
 pub mod feature;
 pub mod learn;
@@ -144,6 +148,6 @@ const _: () = {
 };
 
 /// The README's examples, so that they compile.
-#[cfg(doctest)]
+#[cfg(all(doctest, feature = "dataset"))]
 #[doc = include_str!("../README.md")]
 struct Readme;

@@ -12,7 +12,9 @@ mod build;
 mod extractor;
 mod extractor_config;
 mod gray;
+#[cfg(feature = "dataset")]
 pub mod image_file;
+#[cfg(any(feature = "dataset", feature = "opencv"))]
 mod luma;
 #[cfg(feature = "opencv")]
 pub mod opencv_input;
@@ -28,6 +30,7 @@ mod types;
 pub use extractor::Extractor;
 pub use extractor_config::{CornerBriefConfig, ExtractorConfig};
 pub use gray::{GrayImage, GrayView, Rect};
+#[cfg(feature = "dataset")]
 pub use image_file::{DecodeLimits, LoadOptions, load_gray, load_mask};
 pub use star_brief::StarBrief;
 pub use star_brief_config::StarBriefConfig;

@@ -257,7 +257,9 @@ fn extracting_allocates_nothing_once_warm() {
     let mut features = Features::new();
     let all = |features: &mut Features| {
         for image in &images {
-            extractor.extract_into(image, None, features).unwrap();
+            extractor
+                .extract_into(image.view(), None, features)
+                .unwrap();
             assert!(!features.is_empty());
         }
     };

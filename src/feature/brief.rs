@@ -19,7 +19,7 @@
 //! more than some 20 %.
 
 use super::brief_pairs::PAIRS;
-use super::{Descriptor, GrayImage, Keypoint};
+use super::{Descriptor, GrayView, Keypoint};
 use crate::simd::Kernel;
 
 /// Pixels between a keypoint and the image's edge that its patch needs.
@@ -54,7 +54,7 @@ pub(super) fn is_describable(keypoint: &Keypoint, width: usize, height: usize) -
 
 /// Describes keypoints that are all [describable](is_describable), in their order.
 pub(super) fn describe(
-    image: &GrayImage,
+    image: GrayView<'_>,
     keypoints: &[Keypoint],
     kernel: Kernel,
     scratch: &mut BriefScratch,
@@ -94,7 +94,7 @@ pub(super) fn describe(
 }
 
 /// Fills `boxes` with the sums of all 9x9 boxes and returns its columns: `width - 8`.
-fn smooth(image: &GrayImage, kernel: Kernel, scratch: &mut BriefScratch) -> usize {
+fn smooth(image: GrayView<'_>, kernel: Kernel, scratch: &mut BriefScratch) -> usize {
     let (width, height) = (image.width(), image.height());
     let (across, down) = (width - (BOX_PX - 1), height - (BOX_PX - 1));
     let BriefScratch {

@@ -1,6 +1,6 @@
-//! What does every extractor of features do?
+//! What does every extractor promise?
 
-use super::types::{Features, GrayImage};
+use super::{Features, GrayImage, GrayView};
 use fremen::error::Result;
 
 /// Finds keypoints in a grey image and describes them.
@@ -13,21 +13,22 @@ pub trait Extractor: Send + Sync {
     /// query extracted in another way is refused.
     fn id(&self) -> String;
 
-    /// At most the configured number of features of `image`, strongest first.
+    /// Replaces what `features` held, whose memory is used again, by at most the configured number
+    /// of features of `image`, strongest first.
     ///
-    /// `mask`, where given, has the image's size; keypoints on its zero pixels are dropped.
-    fn extract(&self, image: &GrayImage, mask: Option<&GrayImage>) -> Result<Features>;
-
-    /// [`extract`](Self::extract) in place of what `features` held, whose memory is used again.
-    ///
-    /// After an error `features` hold nothing of use.
+    /// `mask`, where given, has the image's size; keypoints on its zero pixels are dropped. After
+    /// an error `features` hold nothing of use.
     fn extract_into(
         &self,
-        image: &GrayImage,
+        image: GrayView<'_>,
         mask: Option<&GrayImage>,
         features: &mut Features,
-    ) -> Result<()> {
-        *features = self.extract(image, mask)?;
-        Ok(())
+    ) -> Result<()>;
+
+    /// [`extract_into`](Self::extract_into) new features, of an image that is owned.
+    fn extract(&self, image: &GrayImage, mask: Option<&GrayImage>) -> Result<Features> {
+        let mut features = Features::new();
+        self.extract_into(image.view(), mask, &mut features)?;
+        Ok(features)
     }
 }

@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::star_brief_config::StarBriefConfig;
+use super::StarBriefConfig;
 use fremen::error::{Error, ErrorKind, Result};
 
 /// An extractor and its parameters; `kind` names it in files.

@@ -1,7 +1,8 @@
 //! What stands out in this image?
 //!
 //! Conventions: `x` to the right and `y` down, in pixels, with the centre of the upper-left pixel
-//! at (0, 0) as in OpenCV. Images are 8-bit grey, row by row without padding. A descriptor is 256
+//! at (0, 0) as in OpenCV. Images are 8-bit grey, row by row; only a
+//! borrowed [`GrayView`] may have padding between rows. A descriptor is 256
 //! bits; bit `i` of BRIEF is stored at bit `7 - i % 8` of byte `i / 8`, byte `b` at bits `8 * (b %
 //! 8)..` of word `b / 8`, so that the 32 bytes are OpenCV's.
 
@@ -10,8 +11,11 @@ mod brief_pairs;
 mod build;
 mod extractor;
 mod extractor_config;
+mod gray;
 #[cfg(feature = "dataset")]
 pub mod image_file;
+#[cfg(any(feature = "dataset", feature = "opencv"))]
+mod luma;
 #[cfg(feature = "opencv")]
 pub mod opencv_input;
 #[cfg(feature = "opencv")]
@@ -20,12 +24,15 @@ mod selection;
 pub mod star;
 mod star_brief;
 mod star_brief_config;
+mod transform;
 mod types;
 
 pub use extractor::Extractor;
 pub use extractor_config::{CornerBriefConfig, ExtractorConfig};
+pub use gray::{GrayImage, GrayView, Rect};
 #[cfg(feature = "dataset")]
-pub use image_file::{DecodeLimits, LoadOptions, PixelDigest, Rotation, load_gray, load_mask};
+pub use image_file::{DecodeLimits, LoadOptions, load_gray, load_mask};
 pub use star_brief::StarBrief;
 pub use star_brief_config::StarBriefConfig;
-pub use types::{Descriptor, Features, FeaturesView, GrayImage, Keypoint, Rect};
+pub use transform::{PixelDigest, Rotation, mask_from_rects};
+pub use types::{Descriptor, Features, FeaturesView, Keypoint};

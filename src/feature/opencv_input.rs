@@ -1,12 +1,11 @@
 //! What does the camera see now, or the next frame of this video?
 //!
 //! Frames come through OpenCV's video input (V4L2, `GStreamer`, `FFmpeg`: whatever the system's
-//! library has) and are made grey by the same integer weights as image files
-//! ([`image_file`](super::image_file)). A frame of a camera has the clock's time at which it was
-//! taken from the driver; a frame of a video has its position from the start, because most video
+//! library has) and are made grey by the same integer weights as image files. A frame of a camera
+//! has the clock's time at which it was taken from the driver; a frame of a video has its position from the start, because most video
 //! files know no more.
 //!
-//! Not for: image files, and robots that already have the frame in memory ([`GrayImage::new`]).
+//! Not for: image files, and robots that already have the frame in memory ([`GrayView`](super::GrayView)).
 
 use std::path::Path;
 use std::time::{Duration, SystemTime};
@@ -16,7 +15,7 @@ use opencv::prelude::*;
 use opencv::videoio::{self, VideoCapture};
 
 use super::GrayImage;
-use super::image_file::gray_from_bgr;
+use super::luma::gray_from_bgr;
 use fremen::error::{Error, ErrorKind, Result};
 
 /// When a frame was taken.

@@ -17,10 +17,8 @@ use opencv::features2d::{
 use opencv::prelude::*;
 
 use super::brief::{self, BORDER_PX};
-use super::extractor::Extractor;
-use super::extractor_config::ExtractorConfig;
 use super::selection::{check_mask, drop_masked, sort_keypoints};
-use super::types::{Features, GrayImage, Keypoint};
+use super::{Extractor, ExtractorConfig, Features, GrayImage, GrayView, Keypoint};
 use crate::simd::Kernel;
 use fremen::error::{Error, ErrorKind, Result};
 
@@ -43,11 +41,12 @@ impl CornerBrief {
     }
 
     /// Every corner of a picture (not empty) and how many features to keep of them.
-    fn corners(&self, image: &GrayImage, mask: Option<&GrayImage>) -> opencv::Result<Corners> {
+    fn corners(&self, image: GrayView<'_>, mask: Option<&GrayImage>) -> opencv::Result<Corners> {
         let mut found = Vector::<KeyPoint>::new();
-        let pixels = matrix(image)?;
+        let pixels = image.pixels();
+        let pixels = matrix(image, &pixels)?;
         let mask = match mask {
-            Some(mask) => matrix(mask)?.try_clone()?,
+            Some(mask) => matrix(mask.view(), mask.data())?.try_clone()?,
             None => Mat::default(),
         };
         let num_features = match &self.config {
@@ -108,8 +107,11 @@ const MAX_ORB_CORNERS: usize = 1_000_000;
 /// Keypoints in no particular order, and how many to keep.
 type Corners = (Vec<Keypoint>, usize);
 
-fn matrix(image: &GrayImage) -> opencv::Result<opencv::boxed_ref::BoxedRef<'_, Mat>> {
-    Mat::new_rows_cols_with_data(image.height() as i32, image.width() as i32, image.data())
+fn matrix<'a>(
+    image: GrayView<'_>,
+    pixels: &'a [u8],
+) -> opencv::Result<opencv::boxed_ref::BoxedRef<'a, Mat>> {
+    Mat::new_rows_cols_with_data(image.height() as i32, image.width() as i32, pixels)
 }
 
 impl Extractor for CornerBrief {
@@ -117,11 +119,17 @@ impl Extractor for CornerBrief {
         self.config.id()
     }
 
-    fn extract(&self, image: &GrayImage, mask: Option<&GrayImage>) -> Result<Features> {
+    fn extract_into(
+        &self,
+        image: GrayView<'_>,
+        mask: Option<&GrayImage>,
+        features: &mut Features,
+    ) -> Result<()> {
         check_mask(image, mask)?;
         let (width, height) = (image.width(), image.height());
         if width.min(height) <= 2 * BORDER_PX {
-            return Ok(Features::new());
+            features.truncate(0);
+            return Ok(());
         }
         if i32::try_from(width.max(height)).is_err() {
             return Err(Error::new(
@@ -129,21 +137,23 @@ impl Extractor for CornerBrief {
                 "the image is too big for OpenCV",
             ));
         }
-        let (mut keypoints, num_features) = self
+        let (mut found, num_features) = self
             .corners(image, mask)
             .map_err(|cause| Error::new(ErrorKind::Format, format!("OpenCV: {}", cause.message)))?;
-        drop_masked(&mut keypoints, mask);
-        keypoints.retain(|keypoint| brief::is_describable(keypoint, width, height));
-        sort_keypoints(&mut keypoints);
-        keypoints.truncate(num_features);
-        let mut descriptors = Vec::with_capacity(keypoints.len());
+        drop_masked(&mut found, mask);
+        found.retain(|keypoint| brief::is_describable(keypoint, width, height));
+        sort_keypoints(&mut found);
+        found.truncate(num_features);
+        let (keypoints, descriptors) = features.parts_mut();
+        keypoints.clear();
+        keypoints.append(&mut found);
         brief::describe(
             image,
-            &keypoints,
+            keypoints,
             Kernel::best(),
             &mut brief::BriefScratch::default(),
-            &mut descriptors,
+            descriptors,
         );
-        Features::from_parts(keypoints, descriptors)
+        Ok(())
     }
 }

@@ -2,25 +2,23 @@
 //!
 //! The rules that all extractors share: masks, and the order by (response descending, y, x).
 
-use super::{GrayImage, Keypoint};
+use super::{GrayImage, GrayView, Keypoint};
 use fremen::error::{Error, ErrorKind, Result};
 
 /// A mask of another size than its image is a [`ErrorKind::Shape`] error.
-pub(super) fn check_mask(image: &GrayImage, mask: Option<&GrayImage>) -> Result<()> {
+pub(super) fn check_mask(image: GrayView<'_>, mask: Option<&GrayImage>) -> Result<()> {
     match mask {
-        Some(mask) if (mask.width(), mask.height()) != (image.width(), image.height()) => {
-            Err(Error::new(
-                ErrorKind::Shape,
-                format!(
-                    "a mask of {} x {} px does not fit an image of {} x {} px",
-                    mask.width(),
-                    mask.height(),
-                    image.width(),
-                    image.height()
-                ),
-            )
-            .with_help("make the mask for the image after crop, rotation and scale"))
-        }
+        Some(mask) if mask.size() != image.size() => Err(Error::new(
+            ErrorKind::Shape,
+            format!(
+                "a mask of {} x {} px does not fit an image of {} x {} px",
+                mask.width(),
+                mask.height(),
+                image.width(),
+                image.height()
+            ),
+        )
+        .with_help("make the mask for the image after crop, rotation and scale")),
         _ => Ok(()),
     }
 }

@@ -51,7 +51,7 @@
 //!
 //! Not for: subpixel positions, orientations, or images under 140 px a side at the default size.
 
-use super::{GrayImage, Keypoint};
+use super::{GrayView, Keypoint};
 use crate::simd::Kernel;
 use crate::simd::image::{CentreSurround, ExtremeRule, FilterBank, StarCorners};
 use fremen::error::{Error, ErrorKind, Result};
@@ -150,7 +150,7 @@ pub(super) struct StarScratch {
 ///
 /// `params` have passed [`StarParams::check`].
 pub(super) fn candidates<'a>(
-    image: &GrayImage,
+    image: GrayView<'_>,
     params: StarParams,
     kernel: Kernel,
     scratch: &'a mut StarScratch,
@@ -179,7 +179,7 @@ const fn integral_stride(width: usize) -> usize {
 /// Fills the integral images; row `y + 1` of each belongs to row `y` of the image, row 0 is zero.
 ///
 /// `upright` and `two_tips` store column `x` at `x`, `one_tip` at `x + 1`.
-fn integrate(image: &GrayImage, kernel: Kernel, scratch: &mut StarScratch) {
+fn integrate(image: GrayView<'_>, kernel: Kernel, scratch: &mut StarScratch) {
     let (width, height) = (image.width(), image.height());
     let stride = integral_stride(width);
     let len = (height + 1) * stride;

@@ -13,12 +13,9 @@
 use std::sync::{Mutex, PoisonError};
 
 use super::brief::{self, BriefScratch};
-use super::extractor::Extractor;
-use super::extractor_config::ExtractorConfig;
 use super::selection::{check_mask, drop_masked, sort_keypoints};
 use super::star::{self, Field, StarScratch};
-use super::star_brief_config::StarBriefConfig;
-use super::types::{Features, GrayImage, Keypoint};
+use super::{Extractor, ExtractorConfig, Features, GrayImage, GrayView, Keypoint, StarBriefConfig};
 use crate::simd::Kernel;
 use fremen::error::Result;
 
@@ -57,7 +54,12 @@ impl StarBrief {
 
     /// All keypoints of `image` before the cut and without regard to BRIEF's border, in the order
     /// of [`Extractor`].
-    pub fn detect(&self, image: &GrayImage, mask: Option<&GrayImage>) -> Result<Vec<Keypoint>> {
+    pub fn detect<'a>(
+        &self,
+        image: impl Into<GrayView<'a>>,
+        mask: Option<&GrayImage>,
+    ) -> Result<Vec<Keypoint>> {
+        let image = image.into();
         check_mask(image, mask)?;
         self.with_scratch(|Scratch { star, .. }| {
             let mut keypoints = Vec::new();
@@ -72,7 +74,7 @@ impl StarBrief {
     fn candidates<'a>(
         &self,
         star: &'a mut StarScratch,
-        image: &GrayImage,
+        image: GrayView<'_>,
         keypoints: &mut Vec<Keypoint>,
     ) -> Field<'a> {
         star::candidates(image, self.config.star(), self.kernel, star, keypoints)
@@ -92,15 +94,9 @@ impl Extractor for StarBrief {
         ExtractorConfig::StarBrief(self.config.clone()).id()
     }
 
-    fn extract(&self, image: &GrayImage, mask: Option<&GrayImage>) -> Result<Features> {
-        let mut features = Features::new();
-        self.extract_into(image, mask, &mut features)?;
-        Ok(features)
-    }
-
     fn extract_into(
         &self,
-        image: &GrayImage,
+        image: GrayView<'_>,
         mask: Option<&GrayImage>,
         features: &mut Features,
     ) -> Result<()> {

@@ -1,10 +1,10 @@
-//! With which parameters are STAR keypoints found?
+//! With which parameters does the reference recipe look?
 
 use serde::{Deserialize, Serialize};
 
 use super::star::StarParams;
 
-/// The configuration of [`StarBrief`]; the default is the reference recipe.
+/// The configuration of [`StarBrief`](super::StarBrief); the default is the reference recipe.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StarBriefConfig {
@@ -72,8 +72,7 @@ impl StarBriefConfig {
         self
     }
 
-    /// At most this many features of an image.
-    pub fn num_features(&self) -> usize {
+    pub(super) fn num_features(&self) -> usize {
         self.num_features
     }
 

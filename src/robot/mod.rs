@@ -5,13 +5,16 @@
 //! What one image costs is extraction and localisation; learning happens on a second thread.
 //!
 //! ```no_run
-//! use chronotope::feature::{LoadOptions, load_gray};
+//! use chronotope::feature::GrayView;
 //! use chronotope::robot::{Robot, RobotConfig};
 //! use chronotope::Time;
 //!
 //! # fn main() -> chronotope::Result<()> {
+//! # let (frame, stride) = (vec![0; 640 * 480], 640);
 //! let mut robot = Robot::open("street.map", RobotConfig::default())?;
-//! let answer = robot.see(&load_gray("now.jpg", &LoadOptions::default())?, Time::now())?;
+//! // The driver's bytes, a row every `stride` of them; `load_gray` reads a file instead.
+//! let image = GrayView::new(&frame, 640, 480, stride)?;
+//! let answer = robot.see(image, Time::now())?;
 //! println!("{:?}: {}", answer.decision, answer.reason);
 //! println!("at {:?}", robot.place());
 //! # Ok(())
@@ -49,7 +52,7 @@ pub use online_learner::{Committed, OnlineLearner};
 
 use self::config::Place;
 use self::worker::{Lesson, Worker};
-use crate::feature::{Extractor, ExtractorConfig, Features, GrayImage};
+use crate::feature::{Extractor, ExtractorConfig, Features, GrayImage, GrayView};
 use crate::learn::{Circumstances, LearnConfig, Recipe};
 use crate::localize::{Decision, Localization, Localizer, Query, Score, Scratch, Tracker};
 use crate::map::{Map, PlaceKey, SessionId, Snapshot};
@@ -62,7 +65,7 @@ const MAX_EVENTS: usize = 256;
 /// One image with what is known of it.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a> {
-    image: &'a GrayImage,
+    image: GrayView<'a>,
     time: Option<Time>,
     now: Option<Time>,
     mask: Option<&'a GrayImage>,
@@ -72,9 +75,9 @@ pub struct Frame<'a> {
 impl<'a> Frame<'a> {
     /// An image of which only the pixels are known: methods that need a time fail, and it is not
     /// learnt.
-    pub fn new(image: &'a GrayImage) -> Self {
+    pub fn new(image: impl Into<GrayView<'a>>) -> Self {
         Self {
-            image,
+            image: image.into(),
             time: None,
             now: None,
             mask: None,
@@ -221,7 +224,7 @@ impl Robot {
     ///
     /// Fails if the image has another size than the map's images, or the method needs what is
     /// missing. What goes wrong with learning is an [`Event`] and no failure.
-    pub fn see(&mut self, image: &GrayImage, time: Time) -> Result<&Localization> {
+    pub fn see<'a>(&mut self, image: impl Into<GrayView<'a>>, time: Time) -> Result<&Localization> {
         self.see_frame(&Frame::new(image).at(time))
     }
 
@@ -229,16 +232,15 @@ impl Robot {
     pub fn see_frame(&mut self, frame: &Frame<'_>) -> Result<&Localization> {
         self.go_on_with_newer_map()?;
         let mask = both(frame.mask, self.mask.as_ref())?;
-        let image_size = frame.image.size();
 
         let begun = Instant::now();
-        self.features = self.extractor.extract(frame.image, mask.as_ref())?;
+        (self.extractor).extract_into(frame.image, mask.as_ref(), &mut self.features)?;
         self.timing.extract = begun.elapsed();
 
         let begun = Instant::now();
         let query = Query::new(&self.features)
             .at(frame.time)
-            .with_image_size(image_size);
+            .with_image_size(frame.image.size());
         (self.localizer).localize_into(&mut self.scratch, &query, &mut self.answer)?;
         if let Some(tracker) = &mut self.tracker {
             tracker.update(self.localizer.cfg(), &mut self.answer)?;
@@ -456,7 +458,7 @@ fn both(a: Option<&GrayImage>, b: Option<&GrayImage>) -> Result<Option<GrayImage
     let (Some(a), Some(b)) = (a, b) else {
         return Ok(a.or(b).cloned());
     };
-    if (a.width(), a.height()) != (b.width(), b.height()) {
+    if a.size() != b.size() {
         return Err(Error::new(
             ErrorKind::Shape,
             format!(

@@ -22,13 +22,9 @@ impl Jpeg {
     /// Encodes a picture as a JPEG file.
     pub fn encode(picture: &GrayImage) -> Result<Self> {
         let mut bytes = Vec::new();
+        let (width, height) = picture.size();
         JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY)
-            .write_image(
-                picture.data(),
-                picture.width() as u32,
-                picture.height() as u32,
-                ExtendedColorType::L8,
-            )
+            .write_image(picture.data(), width, height, ExtendedColorType::L8)
             .map_err(|error| {
                 Error::new(
                     ErrorKind::Format,

@@ -6,10 +6,10 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use chronotope::ErrorKind;
-use chronotope::feature::image_file::{exif_time, mask_from_rects};
+use chronotope::feature::image_file::exif_time;
 use chronotope::feature::{
-    DecodeLimits, Descriptor, Extractor, Features, GrayImage, Keypoint, LoadOptions, Rect,
-    Rotation, StarBrief, StarBriefConfig, load_gray, load_mask,
+    DecodeLimits, Descriptor, Extractor, Features, GrayImage, GrayView, Keypoint, LoadOptions,
+    Rect, Rotation, StarBrief, StarBriefConfig, load_gray, load_mask, mask_from_rects,
 };
 use chronotope::simd::Kernel;
 use proptest::prelude::*;
@@ -251,6 +251,37 @@ proptest! {
     }
 
     #[test]
+    fn a_view_into_a_larger_picture_is_seen_as_its_copy(
+        kind in any_kind(), seed in 1_u64..1000,
+        left in 0_u32..30, top in 0_u32..30, width in 1_u32..170, height in 1_u32..170,
+    ) {
+        let larger = draw(kind, 200, 200, seed);
+        let part = Rect { x: left, y: top, width, height };
+        let copy = larger.cropped(part).expect("inside");
+        let first = (top * 200 + left) as usize;
+        // The last row ends with its last pixel.
+        let end = first + (height - 1) as usize * 200 + width as usize;
+        let (columns, rows) = (width as usize, height as usize);
+        let view = GrayView::new(&larger.data()[first..end], columns, rows, 200).expect("inside");
+        prop_assert_eq!(&view.to_image(), &copy);
+        prop_assert_eq!(view.size(), copy.size());
+        let hidden = Rect { x: width / 2, y: height / 2, width: width - width / 2, height: 1 };
+        let mask = mask_from_rects(columns, rows, &[hidden]).expect("inside");
+        for mask in [None, Some(&mask)] {
+            prop_assert_eq!(view.gray_range(mask), copy.gray_range(mask));
+            for kernel in Kernel::available() {
+                let config = StarBriefConfig::default().with_max_size(16);
+                let extractor = StarBrief::with_kernel(config, kernel).expect("valid");
+                let points = extractor.detect(view, mask).expect("detects");
+                prop_assert_eq!(points, extractor.detect(&copy, mask).expect("detects"));
+                let mut features = Features::new();
+                extractor.extract_into(view, mask, &mut features).expect("extracts");
+                prop_assert_eq!(features, extractor.extract(&copy, mask).expect("extracts"));
+            }
+        }
+    }
+
+    #[test]
     fn bits_compare_the_boxes_of_the_pairs(seed in 1_u64..1000) {
         let picture = draw("noise", 160, 160, seed);
         let features = StarBrief::default().extract(&picture, None).expect("extracts");
@@ -291,13 +322,33 @@ proptest! {
             for _ in 0..2 {
                 prop_assert_eq!(&extractor.detect(&picture, None).expect("detects"), &points);
                 let mut features = Features::new();
-                extractor.extract_into(&picture, None, &mut features).expect("extracts");
+                extractor.extract_into(picture.view(), None, &mut features).expect("extracts");
                 prop_assert_eq!(&features, &expected);
             }
             let other = draw(kind, height + 30, width, seed);
             extractor.detect(&other, None).expect("detects");
             prop_assert_eq!(&extractor.detect(&picture, None).expect("detects"), &points);
         }
+    }
+}
+
+#[test]
+fn a_view_has_all_of_its_rows() {
+    let bytes = [7; 12];
+    for (len, width, height, stride) in [(12, 4, 3, 4), (10, 2, 3, 4), (0, 0, 0, 0), (0, 5, 0, 5)] {
+        let view = GrayView::new(&bytes[..len], width, height, stride).expect("enough bytes");
+        assert_eq!(view.size(), (width as u32, height as u32));
+        assert!((0..height).all(|y| view.row(y).len() == width));
+    }
+    for (len, width, height, stride) in [
+        (11, 4, 3, 4),
+        (9, 2, 3, 4),
+        (12, 4, 3, 3),
+        (12, 1, usize::MAX, usize::MAX),
+        (0, 0, usize::MAX, 0),
+    ] {
+        let error = GrayView::new(&bytes[..len], width, height, stride).expect_err("too few bytes");
+        assert_eq!(error.kind(), ErrorKind::Shape, "{error}");
     }
 }
 

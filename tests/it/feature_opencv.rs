@@ -4,9 +4,10 @@ use std::time::Duration;
 
 use crate::feature::draw;
 use chronotope::ErrorKind;
-use chronotope::feature::image_file::mask_from_rects;
 use chronotope::feature::opencv_input::{FrameSource, Moment};
-use chronotope::feature::{CornerBriefConfig, ExtractorConfig, GrayImage, Keypoint, Rect};
+use chronotope::feature::{
+    CornerBriefConfig, ExtractorConfig, GrayImage, Keypoint, Rect, mask_from_rects,
+};
 use opencv::core::{CV_8UC3, Mat, Scalar, Size};
 use opencv::prelude::*;
 use opencv::videoio::VideoWriter;

@@ -240,7 +240,7 @@ fn extract(workload: &Workload) -> Result<Vec<f64>> {
     let mut images = workload.images.iter().cycle();
     let ms = repeat(workload.images.len(), || {
         if let Some(image) = images.next() {
-            outcome = extractor.extract_into(image, None, &mut features);
+            outcome = extractor.extract_into(image.view(), None, &mut features);
         }
     });
     outcome?;

@@ -29,7 +29,7 @@ pub(super) fn measure(workload: &Workload, python: Option<&Python>) -> Result<Ve
             all.push(extractor.extract(image, None)?);
             let mut outcome = Ok(());
             let of_image = time(5, || {
-                outcome = extractor.extract_into(image, None, &mut features);
+                outcome = extractor.extract_into(image.view(), None, &mut features);
             });
             outcome?;
             best += of_image.iter().copied().fold(f64::INFINITY, f64::min);

@@ -67,7 +67,7 @@ pub struct Manifest {
     /// What to know before believing a result.
     #[serde(default)]
     pub known_faults: Vec<String>,
-    /// All places; an entry of any other is a [`Problem`]. Empty: any place.
+    /// All places; an entry of any other is a [`Problem`](super::Problem). Empty: any place.
     #[serde(default)]
     pub places: Vec<PlaceKey>,
     /// Where the data is, relative to the manifest; its own folder if not given.

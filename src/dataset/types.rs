@@ -114,7 +114,7 @@ impl Dataset {
 
     /// SHA-256, in hexadecimal, of what the index says: name of the place, time, id and
     /// [`recipe`](ImageSource::recipe) of every entry. The same for a copy of the dataset in
-    /// another folder; the bytes of the images are not part of it ([`Manifest::verify`] checks
+    /// another folder; the bytes of the images are not part of it ([`Manifest::verify`](super::Manifest::verify) checks
     /// those).
     pub fn sha256(&self) -> String {
         let mut hasher = Sha256::new();

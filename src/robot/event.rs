@@ -14,7 +14,7 @@ pub enum Event {
     Learnt {
         /// The place it was located at.
         place: PlaceKey,
-        /// The image, as [`Frame::with_source`] named it.
+        /// The image, as [`Frame::with_source`](super::Frame::with_source) named it.
         source: String,
         /// What it changed.
         learnt: Learnt,
@@ -23,14 +23,14 @@ pub enum Event {
     },
     /// An image was located but could not be learnt.
     NotLearnt {
-        /// The image, as [`Frame::with_source`] named it.
+        /// The image, as [`Frame::with_source`](super::Frame::with_source) named it.
         source: String,
         /// Why.
         error: Error,
     },
     /// An image was located but found the learner busy.
     Missed {
-        /// The image, as [`Frame::with_source`] named it.
+        /// The image, as [`Frame::with_source`](super::Frame::with_source) named it.
         source: String,
     },
     /// What was learnt could not be written; it is tried again when the next commit is due.

@@ -67,7 +67,7 @@ pub struct Query {
     /// Queries of one group (a visit, an hour) are alike; where given, intervals resample groups.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub group: Option<String>,
-    /// One answer per row, keyed by [`RowKey`].
+    /// One answer per row, keyed by [`RowKey`](super::RowKey).
     pub answers: BTreeMap<String, Answer>,
 }
 

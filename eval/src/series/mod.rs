@@ -2,7 +2,7 @@
 //!
 //! A series' suite learns 0/1 series (a door, a person in a room, an edge that can be traversed)
 //! and predicts a stretch of time that no model has seen. What may be learnt is thinned in three
-//! ways ([`Sampling`]); every model is judged by the share of wrong states at p >= 1/2, by the
+//! ways (`Sampling`); every model is judged by the share of wrong states at p >= 1/2, by the
 //! Brier score and by the log loss. Intervals are bootstraps over blocks of time, because a door
 //! that is open stays open; the difference to the mean is paired block by block.
 

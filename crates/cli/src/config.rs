@@ -158,9 +158,11 @@ mod tests {
             ("min-score = -1", "line 2", "-1"),
             ("[localize", "line 1", ""),
         ] {
-            let text = match text.starts_with('[') {
-                true => text.to_owned(),
-                false => format!("[localize]\n{text}"),
+            // What stands in no table stands in the one that commands use most.
+            let text = if text.starts_with('[') {
+                text.to_owned()
+            } else {
+                format!("[localize]\n{text}")
             };
             let error = preset(Preset::Default)
                 .changed_by(&text)

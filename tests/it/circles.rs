@@ -81,7 +81,7 @@ fn steps(root: &str, sources: &[(String, String)]) -> Steps {
         let Some(module) = module_of(root, file) else {
             continue;
         };
-        tree.modules.entry(module.clone()).or_default().file = file.clone();
+        (tree.modules.entry(module.clone()).or_default().file).clone_from(file);
         let code = without_tests(&blank(source));
         let found = Reader::new(&code, module).read(&mut tree, file);
         paths.extend(found.into_iter().map(|path| (file.clone(), path)));

@@ -9,7 +9,7 @@ use fremen::error::{Error, ErrorKind};
 
 impl ExtractorConfig {
     /// The extractor; parameters it cannot work with, or one that this build lacks, are a
-    /// [`ErrorKind::Config`] error.
+    /// [`ErrorKind::Config`](fremen::ErrorKind::Config) error.
     pub fn build(&self) -> Result<Box<dyn Extractor>> {
         match self {
             Self::StarBrief(config) => Ok(Box::new(StarBrief::new(config.clone())?)),

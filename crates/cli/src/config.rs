@@ -158,6 +158,7 @@ mod tests {
             ("min-score = -1", "line 2", "-1"),
             ("[localize", "line 1", ""),
         ] {
+            // What stands in no table stands in the one that commands use most.
             let text = if text.starts_with('[') {
                 text.to_owned()
             } else {

@@ -1,5 +1,20 @@
 //! The one integration-test binary.
 #![allow(clippy::unwrap_used, clippy::expect_used)] // reason: a test that cannot prepare itself has failed.
 
-mod cli;
-mod cli_spectrum;
+mod build;
+mod calibrate;
+mod check;
+mod config;
+mod edge;
+mod exchange;
+mod fixture;
+mod generations;
+mod held;
+mod inspect;
+mod localize;
+mod merge;
+mod predict;
+mod query_form;
+mod spectrum;
+mod trace;
+mod update;

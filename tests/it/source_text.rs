@@ -130,7 +130,10 @@ pub(crate) fn rust_files(folder: &str) -> Vec<(String, String)> {
         for entry in entries {
             let path: PathBuf = entry.unwrap().path();
             if path.is_dir() {
-                folders.push(path);
+                // What cargo has built is not ours.
+                if path.file_name() != Some("target".as_ref()) {
+                    folders.push(path);
+                }
             } else if path.extension().is_some_and(|extension| extension == "rs") {
                 let name = path.strip_prefix(root).unwrap().to_str().unwrap();
                 files.push((name.replace('\\', "/"), fs::read_to_string(&path).unwrap()));

@@ -6,7 +6,7 @@ use anyhow::Result;
 use chronotope::spectrum::{
     Balance, CandidatePeriods, LiteralFremen, Rhythms, UniformLearner, UniformSpectrum,
 };
-use chronotope::visibility::{BitRow, HistoryLog, VisibilityConfig, VisibilityModel, Visits, fit};
+use chronotope::visibility::{HistoryLog, VisibilityConfig, VisibilityModel, Visits, fit};
 use chronotope::{Period, Time};
 
 use super::data::State;
@@ -128,9 +128,9 @@ pub fn candidates() -> chronotope::Result<CandidatePeriods> {
 /// The forecasts whose names are `wanted`, learnt from `states`.
 pub fn forecasts(states: &[State], wanted: impl Fn(&str) -> bool) -> Result<Vec<Forecast>> {
     let mut forecasts = Vec::new();
-    let all = log(states.iter())?;
+    let all = HistoryLog::of_states(states.iter().copied())?;
     let step = states.len().div_ceil(MAX_LOGISTIC).max(1);
-    let few = log(states.iter().step_by(step))?;
+    let few = HistoryLog::of_states(states.iter().step_by(step).copied())?;
     for (model, text) in FITTED.into_iter().filter(|(model, _)| wanted(model)) {
         let log = if model == LOGISTIC { &few } else { &all };
         let cfg = VisibilityConfig::from_toml(&format!("model = {{ {text} }}"))?;
@@ -211,25 +211,6 @@ fn held_out_order(states: &[State], balance: Balance) -> Result<usize> {
         }
     };
     Ok((0..=MAX_ORDER).fold(0, first_lowest))
-}
-
-/// A log of one feature.
-fn log<'a>(states: impl ExactSizeIterator<Item = &'a State>) -> Result<HistoryLog> {
-    let mut log = HistoryLog::new();
-    // A series may be empty after thinning; its model then knows of one feature and nothing of it.
-    if states.len() == 0 {
-        let mut hidden = BitRow::zeros(1);
-        hidden.set(0);
-        log.push_visit(Time::default(), BitRow::zeros(1), Some(hidden))?;
-    }
-    for &(time, state) in states {
-        let mut seen = BitRow::zeros(1);
-        if state {
-            seen.set(0);
-        }
-        log.push_visit(time, seen, None)?;
-    }
-    Ok(log)
 }
 
 /// Step and samples, if at most half of a steady rate's samples are missing.

@@ -4,7 +4,7 @@ use super::Series;
 use crate::error::{Error, ErrorKind, Result};
 use crate::spectrum::Component;
 use crate::time::Time;
-use crate::visibility::{BitRow, VisibilityConfig, VisibilityModel, Visits, decode, fit};
+use crate::visibility::{VisibilityConfig, VisibilityModel, Visits, decode, fit};
 
 impl Series {
     /// Learns the model for a series of any sampling: [`VisibilityConfig::natural`].
@@ -16,14 +16,7 @@ impl Series {
     ///
     /// A series without known states gives p = 1/2 at every time.
     pub fn learn_with(&self, cfg: &VisibilityConfig) -> Result<SeriesModel> {
-        let mut log = self.to_log()?;
-        if self.is_empty() {
-            // One feature that could not be observed: unknown, but there.
-            let mut hidden = BitRow::zeros(1);
-            hidden.set(0);
-            log.push_visit(Time::default(), BitRow::zeros(1), Some(hidden))?;
-        }
-        let model = fit(&log, cfg, Visits::All)?;
+        let model = fit(&self.to_log()?, cfg, Visits::All)?;
         Ok(SeriesModel { model })
     }
 }

@@ -3,7 +3,7 @@
 use crate::error::{Error, ErrorKind, Result};
 use crate::spectrum::{CandidatePeriods, Periodogram};
 use crate::time::Time;
-use crate::visibility::{BitRow, HistoryLog};
+use crate::visibility::HistoryLog;
 
 /// The history of one binary state, ascending in time.
 ///
@@ -100,26 +100,13 @@ impl Series {
     /// The known states as the log of a place with one feature, which every model of
     /// [`visibility`](crate::visibility) learns from.
     pub fn to_log(&self) -> Result<HistoryLog> {
-        log_of(&self.states)
+        HistoryLog::of_states(self.states.iter().copied())
     }
 
     /// How strong each candidate period is in the states, and in their sampling alone.
     pub fn periodogram(&self, candidates: &CandidatePeriods) -> Result<Periodogram> {
         Periodogram::new(&self.states, candidates)
     }
-}
-
-/// The log of one feature whose states these are.
-fn log_of(states: &[(Time, bool)]) -> Result<HistoryLog> {
-    let mut log = HistoryLog::new();
-    for &(time, state) in states {
-        let mut seen = BitRow::zeros(1);
-        if state {
-            seen.set(0);
-        }
-        log.push_visit(time, seen, None)?;
-    }
-    Ok(log)
 }
 
 impl FromIterator<(Time, bool)> for Series {

@@ -111,6 +111,28 @@ impl HistoryLog {
         Self::default()
     }
 
+    /// Of one state in order of arrival: a place with one feature. Without any, the feature is there
+    /// and nothing is known of it.
+    ///
+    /// Fails beyond 2^32 states.
+    pub fn of_states(states: impl IntoIterator<Item = (Time, bool)>) -> Result<Self> {
+        let one_bit = |is_set: bool| {
+            let mut row = BitRow::zeros(1);
+            if is_set {
+                row.set(0);
+            }
+            row
+        };
+        let mut log = Self::new();
+        for (time, state) in states {
+            log.push_visit(time, one_bit(state), None)?;
+        }
+        if log.num_visits() == 0 {
+            log.push_visit(Time::default(), one_bit(false), Some(one_bit(true)))?;
+        }
+        Ok(log)
+    }
+
     /// Appends a visit: `seen` has one bit for each feature known after it, so `seen.len()` minus
     /// [`num_features`](Self::num_features) new features are born here; `hidden`, where given, is
     /// as long and marks what could not be observed (never a feature that is also seen).

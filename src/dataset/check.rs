@@ -9,11 +9,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
+use super::doubt::{look, most_common, problem_of};
 use super::manifest::Manifest;
 use super::paths::{file_sha256, hex, relative};
 use super::table::read_text;
-use super::types::{Clock, Dataset, Problem};
-use crate::feature::PixelDigest;
+use super::types::{Clock, Dataset, ImageSource, Problem};
+use crate::feature::{Extractor, GrayImage, PixelDigest};
 use crate::map::PlaceKey;
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
@@ -138,7 +139,17 @@ impl Dataset {
     ///
     /// `progress(done, total)` is called after every image, from several threads.
     pub fn check(&self, progress: impl Fn(usize, usize) + Sync) -> CheckReport {
-        check(self, &progress)
+        check(self, &CheckOptions::default(), &progress)
+    }
+
+    /// [`check`](Self::check) that also doubts what an update of a map would: times that cannot be
+    /// right, images of another size than most, images with nothing to see.
+    pub fn check_with(
+        &self,
+        options: &CheckOptions,
+        progress: impl Fn(usize, usize) + Sync,
+    ) -> CheckReport {
+        check(self, options, &progress)
     }
 }
 
@@ -155,28 +166,38 @@ impl Manifest {
     }
 }
 
-fn check(dataset: &Dataset, progress: &(dyn Fn(usize, usize) + Sync)) -> CheckReport {
-    let done = AtomicUsize::new(0);
-    let total = dataset.entries.len();
-    let decoded: Vec<Result<Decoded>> = dataset
-        .entries
-        .par_iter()
-        .map(|entry| {
-            let image = entry.source.load();
-            progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
-            image.map(|image| Decoded {
-                width: image.width(),
-                height: image.height(),
-                digest: image.digest(),
-            })
-        })
-        .collect();
+/// What is looked for beyond what can be decoded.
+#[derive(Default)]
+pub struct CheckOptions {
+    /// The present: images from after it are doubted, and those from before 2000.
+    pub now: Option<Time>,
+    /// What looks for features, and how many an image must have.
+    pub features: Option<(Box<dyn Extractor>, usize)>,
+}
+
+fn check(
+    dataset: &Dataset,
+    options: &CheckOptions,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> CheckReport {
+    let decoded = decode(dataset, options, progress);
     let mut problems = dataset.problems.clone();
     let mut places: BTreeMap<PlaceKey, PlaceSummary> = BTreeMap::new();
     let mut visits: BTreeMap<Time, usize> = BTreeMap::new();
     let mut sizes: BTreeMap<(usize, usize), usize> = BTreeMap::new();
     let mut identical: BTreeMap<PixelDigest, Vec<String>> = BTreeMap::new();
-    for (entry, decoded) in dataset.entries.iter().zip(decoded) {
+    let doubts = match options.now {
+        Some(now) => {
+            let size = |one: &Result<Decoded>| one.as_ref().ok().map(|it| it.size);
+            let sizes: Vec<_> = decoded.iter().map(size).collect();
+            let usual = dataset
+                .image_size
+                .or_else(|| most_common(sizes.iter().flatten()));
+            dataset.doubts(Some(now), &sizes, usual)
+        }
+        None => vec![None; decoded.len()],
+    };
+    for ((entry, decoded), doubt) in dataset.entries.iter().zip(decoded).zip(doubts) {
         let summary = places.entry(entry.place.clone()).or_insert(PlaceSummary {
             num_visits: 0,
             first: entry.time,
@@ -188,16 +209,16 @@ fn check(dataset: &Dataset, progress: &(dyn Fn(usize, usize) + Sync)) -> CheckRe
         *visits.entry(entry.time).or_default() += 1;
         match decoded {
             Ok(image) => {
-                *sizes.entry((image.width, image.height)).or_default() += 1;
+                let doubt = doubt.or(image.doubt);
+                problems.extend(doubt.map(|message| problem_of(entry, message)));
+                let (width, height) = image.size;
+                *sizes.entry((width as usize, height as usize)).or_default() += 1;
                 identical
                     .entry(image.digest)
                     .or_default()
                     .push(entry.id.clone());
             }
-            Err(error) => problems.push(Problem {
-                subject: entry.id.clone(),
-                message: error.to_string(),
-            }),
+            Err(error) => problems.push(problem_of(entry, error.to_string())),
         }
     }
     let num_distinct = identical.len();
@@ -207,6 +228,7 @@ fn check(dataset: &Dataset, progress: &(dyn Fn(usize, usize) + Sync)) -> CheckRe
         .filter(|ids| ids.len() > 1)
         .collect();
     duplicates.sort_unstable();
+    let total = dataset.entries.len();
     CheckReport {
         name: dataset.name.clone(),
         clock: dataset.clock,
@@ -230,9 +252,63 @@ fn check(dataset: &Dataset, progress: &(dyn Fn(usize, usize) + Sync)) -> CheckRe
 }
 
 struct Decoded {
-    width: usize,
-    height: usize,
+    size: (u32, u32),
     digest: PixelDigest,
+    /// Why there is nothing to see.
+    doubt: Option<String>,
+}
+
+/// Decodes every file once, whatever number of entries is cut out of it.
+fn decode(
+    dataset: &Dataset,
+    options: &CheckOptions,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Vec<Result<Decoded>> {
+    let mut groups: BTreeMap<PathBuf, Vec<usize>> = BTreeMap::new();
+    let mut alone = Vec::new();
+    for (position, entry) in dataset.entries.iter().enumerate() {
+        match entry.source.path() {
+            Some(path) => groups.entry(path).or_default().push(position),
+            None => alone.push(vec![position]),
+        }
+    }
+    let groups: Vec<Vec<usize>> = groups.into_values().chain(alone).collect();
+    let (done, total) = (AtomicUsize::new(0), dataset.entries.len());
+    let look = |source: &dyn ImageSource, image: GrayImage| -> Result<Decoded> {
+        let mask = source.mask(image.width(), image.height())?;
+        let doubt = match &options.features {
+            Some((extractor, least)) => look(&image, mask.as_ref(), &**extractor, *least)?,
+            None => None,
+        };
+        Ok(Decoded {
+            size: image.size(),
+            digest: image.digest(),
+            doubt,
+        })
+    };
+    let mut decoded: Vec<(usize, Result<Decoded>)> = groups
+        .par_iter()
+        .flat_map_iter(|group| {
+            let source = |position: &usize| &*dataset.entries[*position].source;
+            let file = (group.len() > 1).then(|| source(&group[0]).decode());
+            let found: Vec<_> = (group.iter())
+                .map(|position| {
+                    let source = source(position);
+                    let image = match &file {
+                        Some(Ok(file)) => source.load_from(file),
+                        // Each entry says what is wrong with its file.
+                        Some(Err(_)) | None => source.load(),
+                    };
+                    (*position, image.and_then(|image| look(source, image)))
+                })
+                .collect();
+            let now_done = done.fetch_add(found.len(), Ordering::Relaxed) + found.len();
+            progress(now_done, total);
+            found
+        })
+        .collect();
+    decoded.sort_by_key(|(position, _)| *position);
+    decoded.into_iter().map(|(_, decoded)| decoded).collect()
 }
 
 fn verify(
@@ -253,12 +329,12 @@ fn verify(
         if path.is_file() {
             let found = file_sha256(&path)?;
             if found != *expected {
-                problems.push(Problem {
-                    subject: index.to_owned(),
-                    message: format!(
+                problems.push(Problem::new(
+                    index,
+                    format!(
                         "its SHA-256 is {found}, not {expected} as in the manifest{of} {differs}"
                     ),
-                });
+                ));
             }
         }
     }
@@ -301,10 +377,7 @@ fn verify(
             Some(Err(error)) => format!("it is in {SUMS_FILE}, but cannot be read: {error}"),
             None => continue,
         };
-        problems.push(Problem {
-            subject: name.clone(),
-            message,
-        });
+        problems.push(Problem::new(name, message));
     }
     if let Some(expected) = &manifest.checksums.files {
         let mut hasher = Sha256::new();
@@ -315,12 +388,12 @@ fn verify(
         }
         let found = hex(&hasher.finalize());
         if found != *expected {
-            problems.push(Problem {
-                subject: format!("the {} image files", images.len()),
-                message: format!(
+            problems.push(Problem::new(
+                format!("the {} image files", images.len()),
+                format!(
                     "their SHA-256 is {found}, not {expected} as in the manifest{of} {differs}"
                 ),
-            });
+            ));
         }
     }
     Ok(problems)

@@ -6,7 +6,7 @@ use image::ImageDecoder;
 use image::metadata::Orientation;
 
 use super::types::ImageSource;
-use crate::feature::{GrayImage, LoadOptions, Rect, Rotation, load_gray};
+use crate::feature::{DecodeLimits, GrayImage, LoadOptions, Rect, Rotation, load_gray};
 use fremen::error::{Error, ErrorKind, Result};
 
 /// An image file that is turned, of which a rectangle is then cut out and resized.
@@ -19,6 +19,7 @@ pub struct FileImage {
     rotation: Rotation,
     scale: f64,
     masks: Vec<Rect>,
+    limits: DecodeLimits,
 }
 
 impl FileImage {
@@ -30,6 +31,7 @@ impl FileImage {
             rotation: Rotation::None,
             scale: 1.0,
             masks: Vec::new(),
+            limits: DecodeLimits::default(),
         }
     }
 
@@ -59,6 +61,21 @@ impl FileImage {
     pub fn with_masks(mut self, masks: Vec<Rect>) -> Self {
         self.masks = masks;
         self
+    }
+
+    /// What is too big to decode.
+    #[must_use]
+    pub fn with_limits(mut self, limits: DecodeLimits) -> Self {
+        self.limits = limits;
+        self
+    }
+
+    fn options(&self) -> LoadOptions {
+        LoadOptions::default()
+            .with_rotation(self.rotation)
+            .with_crop(self.crop)
+            .with_scale(self.scale)
+            .with_limits(self.limits)
     }
 
     /// The rectangle that is cut out.
@@ -104,11 +121,27 @@ impl FileImage {
 
 impl ImageSource for FileImage {
     fn load(&self) -> Result<GrayImage> {
-        let options = LoadOptions::default()
-            .with_rotation(self.rotation)
-            .with_crop(self.crop)
-            .with_scale(self.scale);
-        load_gray(&self.path, &options)
+        load_gray(&self.path, &self.options())
+    }
+
+    fn decode(&self) -> Result<GrayImage> {
+        load_gray(&self.path, &LoadOptions::default().with_limits(self.limits))
+    }
+
+    fn load_from(&self, file: &GrayImage) -> Result<GrayImage> {
+        (self.options().apply(file.clone())).map_err(|error| error.with_path(&self.path))
+    }
+
+    fn size(&self) -> Result<Option<(u32, u32)>> {
+        // A pipe can be read only once.
+        if !std::fs::metadata(&self.path).is_ok_and(|file| file.is_file()) {
+            return Ok(None);
+        }
+        let whole = match self.crop {
+            Some(_) => (0, 0),
+            None => Self::picture_size(&self.path)?,
+        };
+        Ok(Some(self.options().size_of(whole)))
     }
 
     fn path(&self) -> Option<PathBuf> {
@@ -135,24 +168,14 @@ impl ImageSource for FileImage {
     }
 
     fn recipe(&self) -> String {
-        let rect = |word: &str, rect: &Rect| {
-            format!(
-                "{word} {},{},{},{}",
-                rect.x, rect.y, rect.width, rect.height
-            )
-        };
         let mut steps: Vec<String> = Vec::new();
-        match self.rotation {
-            Rotation::None => {}
-            Rotation::Clockwise90 => steps.push("turn 90".into()),
-            Rotation::Half => steps.push("turn 180".into()),
-            Rotation::Clockwise270 => steps.push("turn 270".into()),
+        if !self.options().changes_nothing() {
+            steps.push(self.options().to_string());
         }
-        steps.extend(self.crop.map(|crop| rect("crop", &crop)));
-        if self.scale != 1.0 {
-            steps.push(format!("scale {}", self.scale));
-        }
-        steps.extend(self.masks.iter().map(|mask| rect("mask", mask)));
+        steps.extend(
+            (self.masks.iter())
+                .map(|mask| format!("mask {},{},{},{}", mask.x, mask.y, mask.width, mask.height)),
+        );
         steps.join(" ")
     }
 }

@@ -8,7 +8,7 @@
 //! time) and `place` (a number, ignored here).
 
 use fremen::error::{Error, ErrorKind, Result};
-use fremen::time::Time;
+use fremen::time::{Time, Zone};
 
 const FIELDS: [&str; 10] = [
     "year", "month", "day", "hour", "minute", "second", "unix_s", "unix_us", "visit", "place",
@@ -103,38 +103,55 @@ impl NamePattern {
             .any(|part| matches!(part, Part::Field(id, _) if FIELDS[*id] == field))
     }
 
-    /// The moment in `stem`, a file name without folders and extension.
-    pub(super) fn read(&self, stem: &str) -> Option<Moment> {
+    /// The moment in `stem`, a file name without folders and extension; its date is one of `zone`,
+    /// or of UTC.
+    pub(super) fn read(&self, stem: &str, zone: Option<&Zone>) -> Option<Moment> {
+        self.read_with_place(stem, zone).map(|(moment, _)| moment)
+    }
+
+    /// [`read`](Self::read), with the number of the place as it is written, if the pattern has one.
+    pub(super) fn read_with_place(
+        &self,
+        stem: &str,
+        zone: Option<&Zone>,
+    ) -> Option<(Moment, Option<String>)> {
         let mut values = [None; FIELDS.len()];
         if !read_parts(&self.0, stem, &mut values) {
             return None;
         }
-        let get = |name: &str| values[FIELDS.iter().position(|&known| known == name)?];
-        if let Some(us) = get("unix_us") {
-            return Some(Moment::At(Time::from_us(us)));
-        }
-        if let Some(s) = get("unix_s") {
-            return Some(Moment::At(Time::from_s(s)));
-        }
-        if let (Some(year), Some(month), Some(day)) = (get("year"), get("month"), get("day")) {
-            let small = |value: i64| i8::try_from(value).ok();
-            let civil = jiff::civil::DateTime::new(
-                i16::try_from(year).ok()?,
-                small(month)?,
-                small(day)?,
-                small(get("hour").unwrap_or(0))?,
-                small(get("minute").unwrap_or(0))?,
-                small(get("second").unwrap_or(0))?,
-                0,
-            )
-            .ok()?;
-            let zoned = civil.to_zoned(jiff::tz::TimeZone::UTC).ok()?;
-            return Some(Moment::At(Time::from_us(
-                zoned.timestamp().as_microsecond(),
-            )));
-        }
-        get("visit").map(Moment::Visit)
+        let place = values[FIELDS.len() - 1].map(|number| number.to_string());
+        moment(&values, zone).map(|moment| (moment, place))
     }
+}
+
+/// The moment that the fields of a name say.
+fn moment(values: &[Option<i64>; FIELDS.len()], zone: Option<&Zone>) -> Option<Moment> {
+    let get = |name: &str| values[FIELDS.iter().position(|&known| known == name)?];
+    if let Some(us) = get("unix_us") {
+        return Some(Moment::At(Time::from_us(us)));
+    }
+    if let Some(s) = get("unix_s") {
+        return Some(Moment::At(Time::from_s(s)));
+    }
+    if let (Some(year), Some(month), Some(day)) = (get("year"), get("month"), get("day")) {
+        let small = |value: i64| i8::try_from(value).ok();
+        let civil = jiff::civil::DateTime::new(
+            i16::try_from(year).ok()?,
+            small(month)?,
+            small(day)?,
+            small(get("hour").unwrap_or(0))?,
+            small(get("minute").unwrap_or(0))?,
+            small(get("second").unwrap_or(0))?,
+            0,
+        )
+        .ok()?;
+        if let Some(zone) = zone {
+            return zone.moment(civil).ok().map(Moment::At);
+        }
+        let utc = jiff::tz::TimeZone::UTC.to_timestamp(civil).ok()?;
+        return Some(Moment::At(Time::from(utc)));
+    }
+    get("visit").map(Moment::Visit)
 }
 
 fn read_parts(parts: &[Part], text: &str, values: &mut [Option<i64>; FIELDS.len()]) -> bool {
@@ -179,31 +196,31 @@ mod tests {
             NamePattern::parse("{year:4}-{month:2}-{day:2}T{hour:2}_{minute:2}_{second:2}")
                 .unwrap();
         assert_eq!(
-            pattern.read("2023-06-13T03_11_46"),
+            pattern.read("2023-06-13T03_11_46", None),
             Some(at("2023-06-13T03:11:46Z"))
         );
-        assert_eq!(pattern.read("2023-06-13T03_11_46x"), None);
+        assert_eq!(pattern.read("2023-06-13T03_11_46x", None), None);
         assert_eq!(
-            pattern.read("2023-13-13T03_11_46"),
+            pattern.read("2023-13-13T03_11_46", None),
             None,
             "there is no month 13"
         );
         assert_eq!(
             NamePattern::parse("{unix_us}")
                 .unwrap()
-                .read("1326030975726043"),
+                .read("1326030975726043", None),
             Some(at("2012-01-08T13:56:15.726043Z"))
         );
         assert_eq!(
             NamePattern::parse("cam*_{unix_s}")
                 .unwrap()
-                .read("cam_front_86400"),
+                .read("cam_front_86400", None),
             Some(at("1970-01-02T00:00:00Z"))
         );
         assert_eq!(
             NamePattern::parse("{visit:2}{place:2}")
                 .unwrap()
-                .read("1205"),
+                .read("1205", None),
             Some(Moment::Visit(12))
         );
     }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::layouts;
 use super::manifest::{Checksums, Layout, Manifest, Quantum, TimeRule};
-use super::types::Dataset;
+use super::types::{Dataset, ReadOptions};
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
 
@@ -23,6 +23,11 @@ impl Dataset {
     /// Opens the images of `manifest` in `data_dir`, which is the set's own folder or one that
     /// contains it under the manifest's name.
     pub fn open_with(manifest: &Manifest, data_dir: &Path) -> Result<Self> {
+        Self::read(manifest, data_dir, &ReadOptions::default())
+    }
+
+    /// [`open_with`](Self::open_with), read in another way than by default.
+    pub fn read(manifest: &Manifest, data_dir: &Path, options: &ReadOptions) -> Result<Self> {
         let root = manifest.find_data(data_dir)?;
         let layout = manifest
             .layout
@@ -46,7 +51,7 @@ impl Dataset {
             .with_path(&root)
             .with_help(format!("name the folder of `{}`", manifest.name)));
         }
-        layouts::read(manifest, layout, &root)
+        layouts::read(manifest, layout, &root, options)
     }
 }
 
@@ -110,6 +115,7 @@ impl Manifest {
             obtain: String::new(),
             known_faults: Vec::new(),
             places: Vec::new(),
+            image_size: None,
             data: None,
             time: TimeRule {
                 clock,

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use jiff::{Span, Timestamp, tz::TimeZone};
 use serde::{Deserialize, Deserializer};
 
+use super::file_image::FileImage;
 use super::file_name::{Moment, NamePattern};
 use super::paths::file_sha256;
 use super::table;
@@ -17,7 +18,7 @@ use super::types::{Clock, Entry};
 use crate::feature::{Rect, Rotation};
 use crate::map::PlaceKey;
 use fremen::error::{Error, ErrorKind, Result};
-use fremen::time::{Period, Time};
+use fremen::time::{Period, Time, Zone};
 
 const BUILTIN: [(&str, &str); 5] = [
     (
@@ -70,6 +71,10 @@ pub struct Manifest {
     /// All places; an entry of any other is a [`Problem`](super::Problem). Empty: any place.
     #[serde(default)]
     pub places: Vec<PlaceKey>,
+    /// Columns and rows of its images after turning, cutting and resizing; those of most images, if
+    /// not given.
+    #[serde(default)]
+    pub image_size: Option<[u32; 2]>,
     /// Where the data is, relative to the manifest; its own folder if not given.
     #[serde(default)]
     pub data: Option<PathBuf>,
@@ -139,6 +144,9 @@ pub enum Layout {
         /// Its name.
         #[serde(default = "default_index")]
         file: String,
+        /// Columns that are for people: they may be there and mean nothing here.
+        #[serde(default)]
+        ignore: Vec<String>,
     },
     /// `MMLL.{ppm,png,webp,jpg}`: visit MM of place LL.
     Grief {
@@ -332,10 +340,15 @@ impl Manifest {
 
     /// When an image with this file name was taken, by the rule of the manifest.
     pub fn time_from_name(&self, file_name: &str) -> Option<Time> {
+        self.time_from_name_in(file_name, None)
+    }
+
+    /// [`time_from_name`](Self::time_from_name), where dates in names are of `zone`, not UTC.
+    pub fn time_from_name_in(&self, file_name: &str, zone: Option<&Zone>) -> Option<Time> {
         let stem = Path::new(file_name).file_stem()?.to_str()?;
         // Checked when the manifest was read.
-        let pattern = NamePattern::parse(self.time.file_name.as_deref()?).ok()?;
-        match pattern.read(stem)? {
+        let pattern = NamePattern::parse(self.file_name_rule()?).ok()?;
+        match pattern.read(stem, zone)? {
             Moment::At(time) => Some(time),
             Moment::Visit(number) => self.time.of_visit(number),
         }
@@ -352,26 +365,46 @@ impl Manifest {
 
     pub(super) fn index_file(&self) -> Option<&str> {
         self.layout.iter().find_map(|layout| match layout {
-            Layout::Index { file } => Some(file.as_str()),
+            Layout::Index { file, .. } => Some(file.as_str()),
             _ => None,
         })
     }
 
-    pub(super) fn masks_of(&self, place: &PlaceKey) -> Vec<Rect> {
-        self.mask
-            .iter()
-            .filter(|mask| mask.place.as_ref().is_none_or(|only| only == place))
-            .map(|mask| Rect {
-                x: mask.x,
-                y: mask.y,
-                width: mask.width,
-                height: mask.height,
-            })
-            .collect()
+    /// The image at `path` as images of this dataset are read: turned as its layout says, without
+    /// what its masks hide, of `place` where that is known.
+    ///
+    /// This is the one place that knows; what an index says of single images comes on top. Of several
+    /// layouts only the data show which one it is, so nothing is turned.
+    #[must_use]
+    pub fn picture(&self, path: &Path, place: Option<&PlaceKey>) -> FileImage {
+        let rotation = match &self.layout[..] {
+            [Layout::Nclt { rotation, .. }] => *rotation,
+            _ => Rotation::None,
+        };
+        let counts = |mask: &&Mask| mask.place.is_none() || mask.place.as_ref() == place;
+        let masks = self.mask.iter().filter(counts).map(|mask| Rect {
+            x: mask.x,
+            y: mask.y,
+            width: mask.width,
+            height: mask.height,
+        });
+        FileImage::new(path)
+            .with_rotation(rotation)
+            .with_masks(masks.collect())
+    }
+
+    /// The rule by which names of image files say a time: the manifest's, or that of its layout.
+    pub fn file_name_rule(&self) -> Option<&str> {
+        let is_nclt = |layout: &Layout| matches!(layout, Layout::Nclt { .. });
+        match &self.time.file_name {
+            Some(rule) => Some(rule),
+            None if self.layout.iter().any(is_nclt) => Some("{unix_us}"),
+            None => None,
+        }
     }
 
     fn parse(text: &str, path: &Path) -> Result<Self> {
-        let manifest: Self = toml::from_str(text).map_err(|cause| {
+        let mut manifest: Self = toml::from_str(text).map_err(|cause| {
             let error = Error::new(ErrorKind::Format, cause.message().trim())
                 .with_path(path)
                 .with_help("datasets/README.md lists every key of a manifest");
@@ -383,8 +416,34 @@ impl Manifest {
                 None => error,
             }
         })?;
-        manifest.validate().map_err(|error| error.with_path(path))?;
+        (manifest.compose_names())
+            .and_then(|()| manifest.validate())
+            .map_err(|error| error.with_path(path))?;
         Ok(manifest)
+    }
+
+    /// Names of places as [`PlaceKey::written`] has them, which the index's are, too.
+    fn compose_names(&mut self) -> Result<()> {
+        let compose = |key: &mut PlaceKey| -> Result<()> {
+            *key = PlaceKey::written(key.as_str())?;
+            Ok(())
+        };
+        self.places.iter_mut().try_for_each(compose)?;
+        (self.mask.iter_mut().filter_map(|mask| mask.place.as_mut())).try_for_each(compose)?;
+        for layout in &mut self.layout {
+            if let Layout::Nclt { place, .. } = layout {
+                place
+                    .iter_mut()
+                    .map(|place| &mut place.key)
+                    .try_for_each(compose)?;
+            }
+        }
+        let zones = std::mem::take(&mut self.time.place_zones);
+        for (mut key, zone) in zones {
+            compose(&mut key)?;
+            self.time.place_zones.insert(key, zone);
+        }
+        Ok(())
     }
 
     fn validate(&self) -> Result<()> {
@@ -568,6 +627,7 @@ impl Layout {
 fn default_layout() -> Vec<Layout> {
     vec![Layout::Index {
         file: default_index(),
+        ignore: Vec::new(),
     }]
 }
 

@@ -10,11 +10,16 @@
 //! time, a place that the manifest does not list. Nothing is left out in silence, and nothing is
 //! ever written.
 
+mod adjusted;
+mod capture;
 mod check;
+mod doubt;
 mod file_image;
 mod file_name;
 mod folder;
 mod layouts;
+mod lookup;
+mod make_index;
 mod manifest;
 mod paths;
 mod table;
@@ -22,7 +27,11 @@ mod types;
 
 pub mod synthetic;
 
-pub use check::{CheckReport, PlaceSummary, SizeCount};
+pub use capture::exif_time;
+pub use check::{CheckOptions, CheckReport, PlaceSummary, SizeCount};
+pub use doubt::blind_doubt;
 pub use file_image::FileImage;
+pub use lookup::{FileIdentity, Lookup};
+pub use make_index::{IndexOptions, IndexSource, MadeIndex};
 pub use manifest::{Checksums, Layout, Manifest, Mask, NcltPlace, Quantum, Side, Split, TimeRule};
-pub use types::{Clock, Dataset, Entry, ImageSource, Problem};
+pub use types::{Clock, Dataset, Entry, ImageSource, Problem, ReadOptions};

@@ -9,10 +9,10 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::paths::hex;
-use crate::feature::GrayImage;
+use crate::feature::{DecodeLimits, GrayImage};
 use crate::map::{Edge, PlaceKey};
 use fremen::error::Result;
-use fremen::time::Time;
+use fremen::time::{Time, Zone};
 
 /// Something that yields the grey image of one entry: a file cut and scaled by us, or a rendering.
 pub trait ImageSource: Send + Sync {
@@ -22,6 +22,30 @@ pub trait ImageSource: Send + Sync {
     /// The file, where there is one.
     fn path(&self) -> Option<PathBuf> {
         None
+    }
+
+    /// All of the file at [`path`](Self::path), where there is one.
+    fn decode(&self) -> Result<GrayImage> {
+        self.load()
+    }
+
+    /// What [`load`](Self::load) gives, from what [`decode`](Self::decode) gave: so a file that
+    /// many entries are cut out of is decoded once.
+    fn load_from(&self, file: &GrayImage) -> Result<GrayImage> {
+        let _ = file;
+        self.load()
+    }
+
+    /// Columns and rows of what [`load`](Self::load) gives, where the head of the file says so.
+    fn size(&self) -> Result<Option<(u32, u32)>> {
+        Ok(None)
+    }
+
+    /// The image with its mask.
+    fn load_masked(&self) -> Result<(GrayImage, Option<GrayImage>)> {
+        let image = self.load()?;
+        let mask = self.mask(image.width(), image.height())?;
+        Ok((image, mask))
     }
 
     /// The mask for an image of `width` x `height` pixels that [`load`](Self::load) gave, where
@@ -74,6 +98,27 @@ pub struct Problem {
     pub subject: String,
     /// What is wrong and what helps.
     pub message: String,
+    /// The image file concerned, where there is one.
+    #[serde(skip)]
+    pub file: Option<PathBuf>,
+}
+
+impl Problem {
+    /// `subject` is left out because of `message`.
+    pub fn new(subject: impl Into<String>, message: impl Into<String>) -> Self {
+        Self {
+            subject: subject.into(),
+            message: message.into(),
+            file: None,
+        }
+    }
+
+    /// It concerns this image file.
+    #[must_use]
+    pub fn with_file(mut self, file: impl Into<PathBuf>) -> Self {
+        self.file = Some(file.into());
+        self
+    }
 }
 
 impl fmt::Display for Problem {
@@ -89,6 +134,8 @@ pub struct Dataset {
     pub name: String,
     /// What its times mean.
     pub clock: Clock,
+    /// Columns and rows that its images have, where a manifest says so.
+    pub image_size: Option<(u32, u32)>,
     /// The images, sorted by time, then place, then id.
     pub entries: Vec<Entry>,
     /// Ways between places, where known.
@@ -97,6 +144,16 @@ pub struct Dataset {
     pub poses: BTreeMap<PlaceKey, [f64; 3]>,
     /// What was left out and why.
     pub problems: Vec<Problem>,
+}
+
+/// How a dataset is read, whatever its manifest says.
+#[derive(Clone, Debug, Default)]
+pub struct ReadOptions {
+    /// The zone of dates without an offset; that of the manifest, if not given, is not used for
+    /// them.
+    pub zone: Option<Zone>,
+    /// What is too big to decode.
+    pub limits: DecodeLimits,
 }
 
 impl Dataset {
@@ -114,8 +171,8 @@ impl Dataset {
 
     /// SHA-256, in hexadecimal, of what the index says: name of the place, time, id and
     /// [`recipe`](ImageSource::recipe) of every entry. The same for a copy of the dataset in
-    /// another folder; the bytes of the images are not part of it ([`Manifest::verify`](super::Manifest::verify) checks
-    /// those).
+    /// another folder; the bytes of the images are not part of it
+    /// ([`Manifest::verify`](super::Manifest::verify) checks those).
     pub fn sha256(&self) -> String {
         let mut hasher = Sha256::new();
         for entry in &self.entries {

@@ -13,24 +13,24 @@
 //!   0.5`, clamped to the image, with weights in 1/2048 ([`GrayImage::scaled`]).
 //!
 //! Limits ([`DecodeLimits`]) are checked against the header before any pixel is decoded, so that a
-//! small file cannot claim gigabytes. Files that end early, claim no pixels, are empty or are no
-//! images are [`ErrorKind::Format`] errors that name the file; files that cannot be read are
-//! [`ErrorKind::Io`] errors.
-//!
-//! [`exif_time`] reads the moment of capture as text. It is text because pixels know nothing of
-//! time here; the caller parses it.
+//! small file cannot claim gigabytes. Files that end early, are damaged inside, claim no pixels, are
+//! empty or are no images are [`ErrorKind::Format`] errors that name the file; files that cannot be
+//! read are [`ErrorKind::Io`] errors. What is appended to a picture that is whole does not count
+//! (`whole`).
 //!
 //! Not for: colour, more than 8 bits, floating-point images, raw camera formats.
 
+use std::fmt;
 use std::fs;
 use std::io::{self, Cursor, Read};
 use std::path::Path;
 
-use exif::{In, Tag};
+use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageError, ImageReader};
 use serde::{Deserialize, Serialize};
 
 use super::luma::luma;
+use super::whole::{self, damaged, truncated};
 use super::{GrayImage, Rect, Rotation};
 use fremen::error::{Error, ErrorKind, Result};
 
@@ -72,7 +72,8 @@ impl DecodeLimits {
             return Err(Error::new(
                 ErrorKind::Format,
                 format!("the image has no pixels ({width} x {height})"),
-            ));
+            )
+            .with_help("copy or record it again"));
         }
         if width.saturating_mul(height) > self.max_pixels {
             return Err(Error::new(
@@ -148,6 +149,41 @@ impl LoadOptions {
         self.limits
     }
 
+    /// Whether an image stays as it is.
+    #[must_use]
+    pub fn changes_nothing(&self) -> bool {
+        self.rotation == Rotation::None && self.crop.is_none() && self.scale == 1.0
+    }
+
+    /// [`apply`](Self::apply) for a mask: a scaled pixel that touches a hidden one is hidden. The
+    /// result is 0 or 255.
+    pub fn apply_to_mask(&self, mut mask: GrayImage) -> Result<GrayImage> {
+        for pixel in mask.data_mut() {
+            *pixel = if *pixel == 0 { 0 } else { 255 };
+        }
+        let mut mask = self.apply(mask)?;
+        for pixel in mask.data_mut() {
+            *pixel = if *pixel == 255 { 255 } else { 0 };
+        }
+        Ok(mask)
+    }
+
+    /// The size that [`apply`](Self::apply) makes of an image of `width` x `height` pixels, if its
+    /// crop lies inside.
+    #[must_use]
+    pub fn size_of(&self, (width, height): (u32, u32)) -> (u32, u32) {
+        let (width, height) = match (self.crop, self.rotation) {
+            (Some(crop), _) => (crop.width, crop.height),
+            (None, Rotation::Clockwise90 | Rotation::Clockwise270) => (height, width),
+            (None, _) => (width, height),
+        };
+        if self.scale == 1.0 {
+            return (width, height);
+        }
+        let side = |px: u32| (f64::from(px) * self.scale).round_ties_even() as u32;
+        (side(width), side(height))
+    }
+
     /// Turns, crops and scales an image that is already decoded.
     pub fn apply(&self, image: GrayImage) -> Result<GrayImage> {
         let mut image = image.rotated(self.rotation);
@@ -164,6 +200,27 @@ impl LoadOptions {
             image = image.scaled(self.scale)?;
         }
         Ok(image)
+    }
+}
+
+impl fmt::Display for LoadOptions {
+    /// The steps that change an image, in their order: `turn 90 crop 0,0,640,480 scale 0.5`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut steps: Vec<String> = Vec::new();
+        match self.rotation {
+            Rotation::None => {}
+            Rotation::Clockwise90 => steps.push("turn 90".into()),
+            Rotation::Half => steps.push("turn 180".into()),
+            Rotation::Clockwise270 => steps.push("turn 270".into()),
+        }
+        steps.extend(
+            self.crop
+                .map(|crop| format!("crop {},{},{},{}", crop.x, crop.y, crop.width, crop.height)),
+        );
+        if self.scale != 1.0 {
+            steps.push(format!("scale {}", self.scale));
+        }
+        f.write_str(&steps.join(" "))
     }
 }
 
@@ -185,24 +242,14 @@ pub fn load_gray(path: impl AsRef<Path>, options: &LoadOptions) -> Result<GrayIm
 /// ignored pixel is ignored. The result is 0 or 255.
 pub fn load_mask(path: impl AsRef<Path>, options: &LoadOptions) -> Result<GrayImage> {
     let path = path.as_ref();
-    let decode = |bytes: Vec<u8>| {
-        let mut mask = decode_gray(&bytes, &options.limits)?;
-        for pixel in mask.data_mut() {
-            *pixel = if *pixel == 0 { 0 } else { 255 };
-        }
-        let mut mask = options.apply(mask)?;
-        for pixel in mask.data_mut() {
-            *pixel = if *pixel == 255 { 255 } else { 0 };
-        }
-        Ok(mask)
-    };
     read_file(path, &options.limits)
-        .and_then(decode)
-        .map_err(|error: Error| error.with_path(path))
+        .and_then(|bytes| decode_gray(&bytes, &options.limits))
+        .and_then(|mask| options.apply_to_mask(mask))
+        .map_err(|error| error.with_path(path))
 }
 
 /// The bytes of a file that is not above the limit.
-fn read_file(path: &Path, limits: &DecodeLimits) -> Result<Vec<u8>> {
+pub(super) fn read_file(path: &Path, limits: &DecodeLimits) -> Result<Vec<u8>> {
     let fail = |cause: io::Error| {
         let error = Error::io(path, cause);
         if error.kind() == ErrorKind::NotFound {
@@ -241,34 +288,28 @@ pub fn decode_gray(bytes: &[u8], limits: &DecodeLimits) -> Result<GrayImage> {
             Error::new(ErrorKind::Format, "the file is empty").with_help("copy or record it again")
         );
     }
-    let mut reader = ImageReader::new(Cursor::new(bytes))
+    let format = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
-        .map_err(|cause| Error::new(ErrorKind::Format, cause.to_string()))?;
-    if reader.format().is_none() {
-        return Err(
+        .map_err(|cause| Error::new(ErrorKind::Format, cause.to_string()))?
+        .format()
+        .ok_or_else(|| {
             Error::new(ErrorKind::Format, "not an image of a known format")
-                .with_help("supported are BMP, JPEG, PNG, PNM, TIFF and WebP"),
-        );
-    }
-    if reader.format() == Some(image::ImageFormat::Jpeg) && !jpeg_is_complete(bytes) {
-        return Err(truncated());
-    }
+                .with_help("supported are BMP, JPEG, PNG, PNM, TIFF and WebP")
+        })?;
+    let picture = whole::picture(bytes, format, &|width, height| limits.check(width, height))?;
+    let mut reader = ImageReader::with_format(Cursor::new(&*picture), format);
     let mut image_limits = image::Limits::default();
     image_limits.max_alloc = Some(limits.max_decoder_bytes());
     reader.limits(image_limits);
     let mut decoder = reader.into_decoder().map_err(|cause| image_error(&cause))?;
     let (width, height) = decoder.dimensions();
     limits.check(u64::from(width), u64::from(height))?;
-    let orientation = decoder.orientation().map_err(|cause| image_error(&cause))?;
+    // Metadata that cannot be read turns nothing; the pixels count.
+    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let mut image = DynamicImage::from_decoder(decoder).map_err(|cause| image_error(&cause))?;
     image.apply_orientation(orientation);
     let (width, height) = (image.width() as usize, image.height() as usize);
     GrayImage::new(width, height, to_gray(image)?)
-}
-
-fn truncated() -> Error {
-    Error::new(ErrorKind::Format, "the image ends early (truncated)")
-        .with_help("copy or record it again")
 }
 
 fn image_error(cause: &ImageError) -> Error {
@@ -281,20 +322,8 @@ fn image_error(cause: &ImageError) -> Error {
         .with_help("shrink the image, or raise the decoding limit if you trust the file"),
         ImageError::Unsupported(_) => Error::new(ErrorKind::Format, cause.to_string())
             .with_help("convert it to 8- or 16-bit grey or RGB PNG"),
-        _ => Error::new(ErrorKind::Format, format!("the image is damaged: {cause}"))
-            .with_help("copy or record it again"),
+        _ => damaged(cause),
     }
-}
-
-/// Whether the last scan of a JPEG is followed by its end marker.
-///
-/// Decoders fill what is missing with grey, which would be taken for a picture. Inside a scan every
-/// 0xFF is followed by 0x00 or a restart marker, so 0xFF 0xD9 there is the end of the image;
-/// thumbnails in the header end before the last scan starts.
-fn jpeg_is_complete(bytes: &[u8]) -> bool {
-    let marker = |code: u8| move |pair: &[u8]| pair == [0xFF, code];
-    let last_scan = bytes.windows(2).rposition(marker(0xDA));
-    last_scan.is_some_and(|at| bytes[at..].windows(2).any(marker(0xD9)))
 }
 
 /// The grey of every pixel, row by row.
@@ -327,62 +356,5 @@ fn to_gray(image: DynamicImage) -> Result<Vec<u8>> {
                     .with_help("convert it to 8- or 16-bit grey or RGB"),
             );
         }
-    })
-}
-
-/// When the camera took the picture, as RFC 3339 text with an offset, if the file says so.
-///
-/// Reads the EXIF time of capture (`DateTimeOriginal`, else `DateTimeDigitized`, else `DateTime`)
-/// with its fraction and its offset. `None` if there is no EXIF data, no such time, or a time
-/// without an offset: that would be a guess by hours.
-pub fn exif_time(path: impl AsRef<Path>) -> Result<Option<String>> {
-    let path = path.as_ref();
-    let bytes = read_file(path, &DecodeLimits::default()).map_err(|error| error.with_path(path))?;
-    Ok(exif_time_in(&bytes))
-}
-
-fn exif_time_in(bytes: &[u8]) -> Option<String> {
-    let exif = exif::Reader::new()
-        .read_from_container(&mut Cursor::new(bytes))
-        .ok()?;
-    let text = |tag: Tag| match &exif.get_field(tag, In::PRIMARY)?.value {
-        exif::Value::Ascii(lines) => lines.first().map(Vec::as_slice),
-        _ => None,
-    };
-    [
-        (
-            Tag::DateTimeOriginal,
-            Tag::OffsetTimeOriginal,
-            Tag::SubSecTimeOriginal,
-        ),
-        (
-            Tag::DateTimeDigitized,
-            Tag::OffsetTimeDigitized,
-            Tag::SubSecTimeDigitized,
-        ),
-        (Tag::DateTime, Tag::OffsetTime, Tag::SubSecTime),
-    ]
-    .into_iter()
-    .find_map(|(time, offset, fraction)| {
-        let mut moment = exif::DateTime::from_ascii(text(time)?).ok()?;
-        moment.parse_offset(text(offset)?).ok()?;
-        if let Some(fraction) = text(fraction) {
-            // An unreadable fraction costs less than a second.
-            let _ = moment.parse_subsec(fraction);
-        }
-        let offset_min = moment.offset?;
-        Some(format!(
-            "{:04}-{:02}-{:02}T{:02}:{:02}:{:02}.{:09}{}{:02}:{:02}",
-            moment.year,
-            moment.month,
-            moment.day,
-            moment.hour,
-            moment.minute,
-            moment.second,
-            moment.nanosecond.unwrap_or(0),
-            if offset_min < 0 { '-' } else { '+' },
-            offset_min.unsigned_abs() / 60,
-            offset_min.unsigned_abs() % 60
-        ))
     })
 }

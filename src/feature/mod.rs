@@ -9,6 +9,8 @@
 pub mod brief;
 mod brief_pairs;
 mod build;
+#[cfg(feature = "dataset")]
+mod exif;
 mod extractor;
 mod extractor_config;
 mod gray;
@@ -26,7 +28,11 @@ mod star_brief;
 mod star_brief_config;
 mod transform;
 mod types;
+#[cfg(feature = "dataset")]
+mod whole;
 
+#[cfg(feature = "dataset")]
+pub use exif::{ExifStamp, ExifStamps, exif_stamps};
 pub use extractor::Extractor;
 pub use extractor_config::{CornerBriefConfig, ExtractorConfig};
 pub use gray::{GrayImage, GrayView, Rect};

@@ -46,7 +46,7 @@ pub fn forget_session(map: &Snapshot, session: SessionId) -> Result<(Snapshot, u
 }
 
 /// The place with only these visits, and the features that they saw.
-fn without(node: &Node, kept: &[bool]) -> Result<Node> {
+pub(super) fn without(node: &Node, kept: &[bool]) -> Result<Node> {
     let mut is_seen = vec![false; node.features.len()];
     let visits = (0..node.visits.len()).filter(|&visit| kept[visit]);
     for visit in visits {

@@ -13,7 +13,7 @@ use crate::feature::{Features, FeaturesView, GrayImage};
 use crate::localize::Score;
 use crate::map::{
     AppearanceUse, MAX_TEXT_BYTES, MapMeta, MaskRuns, Node, PlaceKey, Quarantine, QuarantineReason,
-    QuarantinedVisit, Reobservation, Snapshot, Visit, VisitId, features_digest,
+    QuarantinedVisit, Reobservation, SessionId, Snapshot, Visit, VisitId, features_digest,
 };
 use crate::matching::{Matcher, displacements_into, vote_displacement};
 use fremen::error::{Error, ErrorKind, Result};
@@ -465,17 +465,17 @@ impl Learner {
             )
             .with_path(&observation.source));
         }
-        let id = VisitId::derive(
-            observation.session,
-            &observation.place,
-            observation.time,
-            &features_digest(observation.features),
-        );
-        let known = self
-            .snapshot
-            .find(&observation.place)
-            .is_some_and(|node| self.snapshot.node(node).visits.iter().any(|v| v.id == id));
-        if known {
+        // An image is known by what is in it, whichever run brings it; maps of earlier versions have
+        // identities of their runs.
+        let digest = features_digest(observation.features);
+        let identity =
+            |session| VisitId::derive(session, &observation.place, observation.time, &digest);
+        let id = identity(SessionId::default());
+        let is_known = |visit: &Visit| {
+            visit.id == id || visit.time == observation.time && visit.id == identity(visit.session)
+        };
+        let place = self.snapshot.find(&observation.place);
+        if place.is_some_and(|node| self.snapshot.node(node).visits.iter().any(is_known)) {
             return Err(Error::new(
                 ErrorKind::AlreadyExists,
                 format!(

@@ -10,10 +10,10 @@
 //!
 //! Where two maps differ about a visit that both know, the stronger statement holds (seen over not
 //! seen, an appearance over none, the larger over the smaller, an experience over a recognised
-//! visit), so every rule is a maximum and merging is commutative, associative and idempotent. The
-//! result is a function of the union alone: places by key, visits by time and identity, a feature
-//! born at the first visit that says anything of it, among those of a visit the strongest first. A
-//! map merged with itself is its canonical form.
+//! visit, the smaller session), so every rule is a maximum or a minimum and merging is commutative,
+//! associative and idempotent. The result is a function of the union alone: places by key, visits
+//! by time and identity, a feature born at the first visit that says anything of it, among those of
+//! a visit the strongest first. A map merged with itself is its canonical form.
 //!
 //! A feature that only one of the maps has was not looked for at the visits of the other, so it was
 //! *not observable* there: nothing is invented. The price: what two robots saw of one lamp stays
@@ -343,7 +343,7 @@ impl Place {
                     known: Columns::default(),
                     located_by: BTreeSet::new(),
                 });
-            merge_visit(&mut entry.visit, visit, conflicts);
+            merge_visit(&mut entry.visit, visit);
             let row = node.log.seen_row(at);
             let hidden = node.log.hidden_row(at);
             let known = (0..row.len()).filter(|&i| !hidden.is_some_and(|hidden| hidden.get(i)));
@@ -407,10 +407,9 @@ impl Place {
 }
 
 /// The stronger of two accounts of one visit.
-fn merge_visit(visit: &mut Visit, other: &Visit, conflicts: &mut Vec<String>) {
-    if visit.session != other.session {
-        conflicts.push(format!("visit {} has two sessions", visit.id));
-    }
+fn merge_visit(visit: &mut Visit, other: &Visit) {
+    // Two runs learnt one image: a folder by two names, say.
+    visit.session = visit.session.min(other.session);
     if other.source > visit.source {
         visit.source.clone_from(&other.source);
     }

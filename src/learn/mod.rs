@@ -27,6 +27,7 @@
 mod budget;
 mod budget_config;
 mod config;
+mod correct;
 mod expectation;
 mod forget;
 mod guard;
@@ -39,6 +40,7 @@ mod visit;
 
 pub use budget_config::BudgetConfig;
 pub use config::{KeepAppearances, LearnConfig, Recipe};
+pub use correct::{drop_visit, join_places, remove_place, rename_place};
 pub use forget::forget_session;
 pub use guard::Circumstances;
 pub use guard_config::{ClockPolicy, GuardConfig, Judge};

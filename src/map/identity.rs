@@ -27,8 +27,9 @@ pub fn features_digest(features: &Features) -> [u8; 32] {
 }
 
 impl VisitId {
-    /// The identity of the visit of `key` at `time` by `session` that saw features of this digest
-    /// ([`features_digest`]).
+    /// The identity of the visit of `key` at `time` that saw features of this digest
+    /// ([`features_digest`]). An image is the same whichever run brings it, so `session` is the
+    /// default one, but for visits that were learnt before this rule.
     pub fn derive(
         session: SessionId,
         key: &PlaceKey,

@@ -23,7 +23,7 @@ pub(crate) use chronotope_store::MappedFile;
 pub use chronotope_store::Fault;
 pub use digest::ContentDigest;
 #[cfg(feature = "dataset")]
-pub use exchange::{FileStorageMap, read_file_storage};
+pub use exchange::{FileStorageMap, decode_file_storage, read_file_storage};
 pub use file::{Generation, Map, Pruned, Stamp, VerifyReport};
 pub use identity::{derived_uuid, features_digest, random_uuid};
 pub(crate) use limits::MAX_TEXT_BYTES;

@@ -4,6 +4,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
+use unicode_normalization::UnicodeNormalization;
 
 use super::limits::MAX_TEXT_BYTES;
 use crate::feature::{Features, Rect};
@@ -33,6 +34,15 @@ impl PlaceKey {
             .with_help("use 1 to 256 bytes without control characters"));
         }
         Ok(Self(key.into()))
+    }
+
+    /// [`new`](Self::new) of what somebody wrote: letters with marks are composed (Unicode NFC) and
+    /// spaces at the ends left out, so that names that look alike are one.
+    ///
+    /// Keys of a file of maps are taken as they are.
+    pub fn written(key: &str) -> Result<Self> {
+        let composed: String = key.trim().nfc().collect();
+        Self::new(&composed)
     }
 
     /// The text.
@@ -65,8 +75,8 @@ impl From<PlaceKey> for String {
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct SessionId(pub u128);
 
-/// What makes a visit the same visit in two maps: the first 128 bits of a SHA-256 over session,
-/// place key, capture time and the digest of its features.
+/// What makes a visit the same visit in two maps: the first 128 bits of a SHA-256 over place key,
+/// capture time and the digest of its features (and of visits of earlier versions the session).
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct VisitId(pub u128);
 

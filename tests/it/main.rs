@@ -19,6 +19,7 @@ mod map;
 mod matching;
 mod merge;
 mod newer;
+mod real_files;
 mod robot;
 mod source_text;
 mod synthetic;

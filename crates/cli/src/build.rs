@@ -25,17 +25,18 @@ use super::new_map::{finish, part_of, refuse_existing};
 use super::outcome::Outcome;
 use super::output::{Output, contents};
 use super::progress::Progress;
+use super::reading::ReadingArgs;
 use super::warnings::print_held;
-use chronotope::dataset::{Clock, Dataset, Entry, Manifest, Problem};
+use chronotope::dataset::{Clock, Dataset, Entry, Manifest, Problem, blind_doubt};
 use chronotope::error::{Error, ErrorKind};
 use chronotope::feature::{Extractor, ExtractorConfig, Features, GrayImage, StarBriefConfig};
 use chronotope::learn::{
-    Circumstances, ClockPolicy, KeepAppearances, LearnConfig, Observation, Recipe,
+    Circumstances, ClockPolicy, Judge, KeepAppearances, LearnConfig, Observation, Recipe,
 };
 use chronotope::localize::Preset;
 use chronotope::map::{Map, MapMeta, PlaceKey, SessionId, Snapshot, derived_uuid};
 use chronotope::robot::OnlineLearner;
-use chronotope::time::Time;
+use chronotope::time::{Time, Zone};
 
 /// Images that each thread extracts before they are learnt.
 const IMAGES_PER_THREAD: usize = 8;
@@ -45,7 +46,9 @@ const IMAGES_PER_THREAD: usize = 8;
 /// Ctrl-C loses nothing: visits are committed to MAP.part every few seconds, and the same command
 /// goes on where it stopped; the finished map is then renamed to MAP. With the reference recipe
 /// (preset `lttl`) visibility is known only once all images are: it commits once, at the end.
-/// Images that cannot be used are left out, counted and listed.
+/// Images that cannot be used are left out, counted and listed: broken files, images of another
+/// size than most, with nothing to see, of a clock that was never set. Exit code 0 if all were
+/// learnt, 1 if some were left out, 2 if there is no map.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -76,14 +79,17 @@ pub(super) struct BuildArgs {
     keep_appearances: Option<Keep>,
     #[command(flatten)]
     commits: CommitArgs,
+    #[command(flatten)]
+    reading: ReadingArgs,
 }
 
 /// Learn more images of known places and times into a map.
 ///
-/// Visits that the map has already (same dataset, place, time and image) are not read again, so the
-/// same command can be repeated. Every few seconds what was learnt is committed as a generation,
-/// and `map rollback` returns to any of them. With the reference recipe (preset `lttl`) all of the
-/// map is written anew, once, at the end. Give the numbers that the map was built with.
+/// Visits that the map has already (same place, time and image, whatever the folder is called) are
+/// not learnt again, so the same command can be repeated. Every few seconds what was learnt is
+/// committed as a generation, and `map rollback` returns to any of them. With the reference recipe
+/// (preset `lttl`) all of the map is written anew, once, at the end. Give the numbers that the map
+/// was built with. Exit code 0 if nothing was left out, 1 if something was, 2 if it failed.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -104,6 +110,8 @@ pub(super) struct UpdateArgs {
     keep_appearances: Option<Keep>,
     #[command(flatten)]
     commits: CommitArgs,
+    #[command(flatten)]
+    reading: ReadingArgs,
 }
 
 #[derive(Clone, Copy, Debug, Args)]
@@ -148,17 +156,28 @@ pub(super) fn run(args: &BuildArgs, out: &mut Output) -> Result<Outcome> {
         anyhow::bail!("--data and --out are missing");
     };
     refuse_existing(map)?;
-    let (manifest, dataset) = open_dataset(data)?;
+    let (manifest, dataset) = open_dataset(data, &args.reading)?;
     interrupt::watch()?;
-    Build::new(
+    let zone = args.reading.zone.as_ref().map(Zone::name);
+    if let Some(zone) = zone.or(manifest.time.zone.as_deref()) {
+        eprintln!(
+            "note: the map keeps its zone, {zone}, but rhythms of its places are those of UTC: when \
+             summer time begins or ends they are an hour off until they are learnt anew"
+        );
+    }
+    let judges = config.learn.guard().judge() == Judge::Updates;
+    let mut build = Build::new(
         args.preset,
         config.learn.for_building(),
         &manifest,
         dataset,
         map,
         args.commits.interval(),
-    )?
-    .run(out)
+        args.reading.zone.as_ref(),
+    )?;
+    build.leaves_out_blind = judges;
+    build.set_aside(judges.then(Time::now));
+    build.run(out)
 }
 
 pub(super) fn update(args: &UpdateArgs, out: &mut Output) -> Result<Outcome> {
@@ -173,19 +192,22 @@ pub(super) fn update(args: &UpdateArgs, out: &mut Output) -> Result<Outcome> {
     if let Some(keep) = args.keep_appearances {
         config.learn = config.learn.with_keep_appearances(keep.into());
     }
-    let (_, dataset) = open_dataset(&args.data)?;
+    let (_, dataset) = open_dataset(&args.data, &args.reading)?;
     if dataset.clock == Clock::None {
         // Times that only number the visits are no clock's.
         let guard = (config.learn.guard().clone()).with_clock(ClockPolicy::Ignore);
         config.learn = config.learn.with_guard(guard);
     }
     interrupt::watch()?;
-    Build::onto(map, config.learn, dataset, args.commits.interval())?.run(out)
+    let mut build = Build::onto(map, config.learn, dataset, args.commits.interval())?;
+    build.set_aside(None);
+    build.run(out)
 }
 
-fn open_dataset(data: &Path) -> Result<(Manifest, Dataset)> {
+fn open_dataset(data: &Path, reading: &ReadingArgs) -> Result<(Manifest, Dataset)> {
     let (manifest, data_dir) = Manifest::locate(data)?;
-    let dataset = Dataset::open_with(&manifest, &data_dir)?;
+    let dataset = Dataset::read(&manifest, &data_dir, &reading.read_options())?
+        .adjusted(&reading.load_options());
     if dataset.clock == Clock::None {
         eprintln!(
             "warning: the times of `{}` only number its visits: localise with --method static or an \
@@ -207,8 +229,12 @@ struct Build {
     /// Its name until then, if that is another.
     part: Option<PathBuf>,
     problems: Vec<Problem>,
+    /// Images with nothing to see are problems; what holds visits judges them itself.
+    leaves_out_blind: bool,
     num_learnt: usize,
     num_held: usize,
+    /// Images that the map had learnt by another name.
+    num_known: usize,
 }
 
 struct Extracted {
@@ -226,6 +252,7 @@ impl Build {
         dataset: Dataset,
         out: &Path,
         commit_interval: Duration,
+        zone: Option<&Zone>,
     ) -> Result<Self> {
         let extractor = ExtractorConfig::StarBrief(
             StarBriefConfig::default().with_num_features(cfg.features_per_visit()),
@@ -241,7 +268,10 @@ impl Build {
         ]
         .join("\n");
         let meta = MapMeta {
-            zone: manifest.time.zone.clone(),
+            zone: zone.map_or_else(
+                || manifest.time.zone.clone(),
+                |zone| Some(zone.name().to_owned()),
+            ),
             ..MapMeta::new(derived_uuid(&seed), extractor.id(), preset.name())
         };
         let map = open_part(&part, meta)?;
@@ -276,6 +306,7 @@ impl Build {
         Ok(Self {
             session: SessionId::derive(&dataset.name),
             problems: std::mem::take(&mut dataset.problems),
+            leaves_out_blind: false,
             out: map.path().to_owned(),
             learner: OnlineLearner::new(map, cfg, commit_interval)?,
             dataset,
@@ -283,7 +314,16 @@ impl Build {
             part: None,
             num_learnt: 0,
             num_held: 0,
+            num_known: 0,
         })
+    }
+
+    /// Leaves out what has another size than the map's images or, of a map that is built, than most
+    /// of them; and, where it is known what time it is, impossible times.
+    fn set_aside(&mut self, now: Option<Time>) {
+        let size = self.learner.map().snapshot().meta.image_size;
+        self.dataset.set_aside(now, size);
+        self.problems.append(&mut self.dataset.problems);
     }
 
     fn run(mut self, out: &mut Output) -> Result<Outcome> {
@@ -292,10 +332,18 @@ impl Build {
             Ok(false) => return self.stop(),
             Err(error) => return Err(self.give_up(error)),
         }
-        if self.learner.snapshot()?.nodes.is_empty() {
+        let snapshot = self.learner.snapshot()?;
+        let nothing = if snapshot.nodes.is_empty() {
+            Some("no image could be learnt")
+        } else if snapshot.nodes.iter().all(|node| node.features.is_empty()) {
+            Some("no image has a feature, so nothing could be located by this map")
+        } else {
+            None
+        };
+        if let Some(nothing) = nothing {
             self.list_problems();
             self.remove_if_empty();
-            return Err(Error::new(ErrorKind::Format, "no image could be learnt")
+            return Err(Error::new(ErrorKind::Format, nothing)
                 .with_path(&self.out)
                 .with_help("see the problems above; `chronotope dataset check` finds them all")
                 .into());
@@ -303,6 +351,9 @@ impl Build {
         match self.finish() {
             Ok(snapshot) => {
                 self.list_problems();
+                if self.num_known > 0 {
+                    eprintln!("{} images were learnt before", self.num_known);
+                }
                 if self.num_held > 0 {
                     eprintln!("{} visits are held: see above", self.num_held);
                 }
@@ -313,7 +364,7 @@ impl Build {
                     contents(&summary, format_args!(" ({} learnt now)", self.num_learnt)),
                     summary.num_appearances,
                 ))?;
-                Ok(Outcome::Good)
+                Ok(Outcome::of_check(self.problems.is_empty()))
             }
             Err(error) => Err(self.give_up(error)),
         }
@@ -346,11 +397,13 @@ impl Build {
                 let Some(extracted) = extracted.filter(|_| !interrupt::is_requested()) else {
                     return Ok(false);
                 };
-                if let Err(error) = extracted.and_then(|image| self.observe(entry, &image)) {
-                    self.problems.push(Problem {
-                        subject: entry.id.clone(),
-                        message: error.to_string(),
-                    });
+                match extracted.and_then(|image| self.observe(entry, &image)) {
+                    Ok(()) => {}
+                    // The same image by another name.
+                    Err(error) if error.kind() == ErrorKind::AlreadyExists => self.num_known += 1,
+                    Err(error) => {
+                        (self.problems).push(Problem::new(&entry.id, error.to_string()));
+                    }
                 }
                 num_done += 1;
                 progress.reach(num_done);
@@ -365,21 +418,20 @@ impl Build {
     }
 
     /// The visits that the part has learnt or holds.
+    ///
+    /// Whatever run it was: a folder may have been renamed, an image located before.
     fn known_visits(&self) -> HashSet<(PlaceKey, Time, String)> {
         let snapshot = self.learner.map().snapshot();
         let visits = (snapshot.nodes.iter())
             .flat_map(|node| node.visits.iter().map(move |visit| (node, visit)))
-            .filter(|(_, visit)| visit.session == self.session)
             .map(|(node, visit)| (node.key.clone(), visit.time, visit.source.clone()));
         let held = (self.learner.learner().held().visits().iter())
-            .filter(|visit| visit.session == self.session)
             .map(|visit| (visit.place.clone(), visit.time, visit.source.clone()));
         visits.chain(held).collect()
     }
 
     fn extract(&self, entry: &Entry) -> chronotope::Result<Extracted> {
-        let image = entry.source.load()?;
-        let mask = entry.source.mask(image.width(), image.height())?;
+        let (image, mask) = entry.source.load_masked()?;
         Ok(Extracted {
             features: self.extractor.extract(&image, mask.as_ref())?,
             image_size: image.size(),
@@ -389,6 +441,13 @@ impl Build {
     }
 
     fn observe(&mut self, entry: &Entry, image: &Extracted) -> chronotope::Result<()> {
+        if self.leaves_out_blind {
+            let least = self.learner.learner().cfg().guard().min_features();
+            if let Some(doubt) = blind_doubt(image.features.len(), least, image.gray_range) {
+                self.problems.push(Problem::new(&entry.id, doubt));
+                return Ok(());
+            }
+        }
         let observation = Observation {
             place: entry.place.clone(),
             session: self.session,
@@ -441,10 +500,10 @@ impl Build {
                 None => {
                     snapshot.add_edge(edge.clone())?;
                 }
-                Some(missing) => self.problems.push(Problem {
-                    subject: format!("edge {} -> {}", edge.from, edge.to),
-                    message: format!("no image of `{missing}` could be learnt"),
-                }),
+                Some(missing) => self.problems.push(Problem::new(
+                    format!("edge {} -> {}", edge.from, edge.to),
+                    format!("no image of `{missing}` could be learnt"),
+                )),
             }
         }
         // With the reference recipe, what is visible in a new image may change what was visible in

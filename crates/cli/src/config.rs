@@ -49,7 +49,7 @@ impl Config {
             Error::io(path, cause).with_help("--print-config shows what such a file says")
         })?;
         config
-            .changed_by(&text)
+            .changed_by(text.trim_start_matches('\u{feff}'))
             .map_err(|error| error.with_path(path))
     }
 

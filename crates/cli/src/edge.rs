@@ -59,7 +59,7 @@ struct EndArgs {
 }
 
 fn key(text: &str) -> chronotope::Result<PlaceKey> {
-    PlaceKey::new(text)
+    PlaceKey::written(text)
 }
 
 pub(super) fn run(args: &EdgeArgs, out: &mut Output) -> Result<Outcome> {

@@ -8,13 +8,14 @@ use clap::Args;
 use super::new_map;
 use super::outcome::Outcome;
 use super::output::{Output, contents};
+use super::unpacked::unpacked;
 use chronotope::error::{Error, ErrorKind};
 use chronotope::feature::{ExtractorConfig, StarBriefConfig};
 use chronotope::learn::{self, LearnConfig};
 use chronotope::localize::Preset;
 use chronotope::map::{
     AppearanceUse, FileStorageMap, Map, MapMeta, Node, PlaceKey, SessionId, Snapshot, Visit,
-    VisitId, derived_uuid, features_digest, read_file_storage,
+    VisitId, decode_file_storage, derived_uuid, features_digest,
 };
 
 /// Write a map as a folder of plain files: CSV tables and arrays that numpy opens.
@@ -23,14 +24,17 @@ use chronotope::map::{
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  chronotope map export street.map street/
+  chronotope map export street.map --out street/
   chronotope map export street.map street/ --canonical")]
 pub(super) struct ExportArgs {
     /// The map file.
     map: PathBuf,
     /// The folder to write; must not exist yet, or be empty.
-    #[arg(value_name = "DIR")]
-    folder: PathBuf,
+    #[arg(value_name = "DIR", required_unless_present = "out")]
+    folder: Option<PathBuf>,
+    /// The same, as other commands have it.
+    #[arg(long, value_name = "DIR", conflicts_with = "folder")]
+    out: Option<PathBuf>,
     /// In the order that `map merge` gives, so that maps that say the same become the same files.
     #[arg(long)]
     canonical: bool,
@@ -61,8 +65,11 @@ pub(super) fn export(args: &ExportArgs, out: &mut Output) -> Result<Outcome> {
     if args.canonical {
         snapshot = learn::merge(&[&snapshot])?.into();
     }
-    snapshot.export(&args.folder)?;
-    print_summary(out, &args.folder, &snapshot)
+    let Some(folder) = args.out.as_ref().or(args.folder.as_ref()) else {
+        anyhow::bail!("--out is missing");
+    };
+    snapshot.export(folder)?;
+    print_summary(out, folder, &snapshot)
 }
 
 pub(super) fn import(args: &ImportArgs, out: &mut Output) -> Result<Outcome> {
@@ -87,9 +94,17 @@ fn import_yaml(files: &[PathBuf]) -> Result<Snapshot> {
     let extractor = ExtractorConfig::StarBrief(extractor).build()?;
     let mut nodes = Vec::new();
     for file in files {
-        let name = file.file_stem().unwrap_or_default().to_string_lossy();
-        let key = PlaceKey::new(&name).map_err(|error| error.with_path(file))?;
-        let place = read_file_storage(file)?;
+        // Of `place_0.yaml.gz` that is `place_0`.
+        let unpacked_name = match file.extension() {
+            Some(extension) if extension == "gz" => file.with_extension(""),
+            _ => file.clone(),
+        };
+        let name = unpacked_name
+            .file_stem()
+            .unwrap_or_default()
+            .to_string_lossy();
+        let key = PlaceKey::written(&name).map_err(|error| error.with_path(file))?;
+        let place = decode_file_storage(&unpacked(file)?).map_err(|error| error.with_path(file))?;
         nodes.push(node_of(key, &place).map_err(|error| error.with_path(file))?);
     }
     // The same places give the same map.

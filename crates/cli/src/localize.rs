@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde::Serialize;
+use serde_json::json;
 
 use super::arguments::{ConfigArgs, named};
 use super::config::{Config, preset_of};
@@ -13,6 +14,7 @@ use super::live::{self, Frames};
 use super::outcome::Outcome;
 use super::output::Output;
 use super::pictures::{Picture, Pictures, TimeSource};
+use super::reading::{Adjust, ReadingArgs};
 use super::warnings::{print_held, warn_of_time};
 use chronotope::error::Error;
 use chronotope::feature::{LoadOptions, load_mask};
@@ -29,8 +31,9 @@ use chronotope::trace::{Shot, Stage, TraceConfig, Tracer};
 /// Say at which place of a map images were taken.
 ///
 /// The time of an image is --time, else that of an index.csv in a parent folder that lists it, else
-/// its EXIF time with an offset, else what the file-name rule of --manifest reads. Images that an
-/// index lists are cut and scaled as it says. Exit code 0 if all are located, 1 if one is unknown
+/// its EXIF time, else what the file-name rule of --manifest reads. Images that an index lists are
+/// cut and scaled as it says, then as the options say; images of another size but of the shape of
+/// the map's images are scaled to their size. Exit code 0 if all are located, 1 if one is unknown
 /// or ambiguous, 2 if one cannot be used.
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -64,6 +67,12 @@ pub(super) struct LocalizeArgs {
     /// How many features of each place (or experience) are matched; all, where it has fewer.
     #[arg(long)]
     n: Option<usize>,
+    /// How often an answer may name a wrong place, from 0 to 1 (of the preset if not given).
+    #[arg(long, value_name = "SHARE")]
+    risk: Option<f64>,
+    /// Also give the ranking of this many places.
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    top: usize,
     /// An image of the size that is matched; where it is black, nothing is used.
     #[arg(long, value_name = "FILE")]
     mask: Option<PathBuf>,
@@ -83,7 +92,7 @@ pub(super) struct LocalizeArgs {
     /// without, and the files may be deleted at any time. --learn has none.
     #[arg(long, value_name = "WHEN", default_value_t, value_parser = named::<IndexCache>(IndexCache::ALL.map(IndexCache::name)))]
     query_form: IndexCache,
-    /// One JSON object for each image.
+    /// One JSON object for each image, also for one that cannot be used.
     #[arg(long)]
     json: bool,
     /// Write all evidence as one JSON object for each image; with `-` to stdout, and results to
@@ -93,6 +102,8 @@ pub(super) struct LocalizeArgs {
     /// The picture itself goes into every Nth line of the trace; 0: into none.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "trace")]
     trace_images: usize,
+    #[command(flatten)]
+    reading: ReadingArgs,
     #[command(flatten)]
     config: ConfigArgs,
 }
@@ -116,7 +127,7 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
     if args.track && robot.localizer().snapshot().edges.is_empty() {
         eprintln!("warning: the map has no edges, so the robot may go from any place to any other");
     }
-    let mut guide = Guide::new(robot, trace, results);
+    let mut guide = Guide::new(args, robot, trace, results);
     guide.form = match (args.json, args.images.len()) {
         (true, _) => Form::Json,
         (false, 1) => Form::Sheet,
@@ -130,7 +141,13 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
         guide.follow(live::camera(camera)?)?;
         return guide.finish(args.learn);
     }
-    let mut pictures = Pictures::new(args.time, needs_time, args.manifest.as_deref())?;
+    let mut pictures = Pictures::new(
+        args.time,
+        needs_time,
+        args.manifest.as_deref(),
+        &args.reading,
+        guide.robot.localizer().snapshot().meta.image_size,
+    )?;
     for path in &args.images {
         if interrupt::is_requested() {
             break;
@@ -139,14 +156,14 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
             guide.form = guide.form.for_many();
             match live::video(path, args.time) {
                 Ok(frames) => guide.follow(frames)?,
-                Err(error) => guide.fail(&error),
+                Err(error) => guide.fail(&error, path)?,
             }
             continue;
         }
         let listed = match pictures.list(path) {
             Ok(listed) => listed,
             Err(error) => {
-                guide.fail(&error.with_path(path));
+                guide.fail(&error.with_path(path), path)?;
                 continue;
             }
         };
@@ -156,7 +173,7 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
         for picture in listed {
             match pictures.load(picture) {
                 Ok(picture) => guide.answer(&picture)?,
-                Err(error) => guide.fail(&error.with_path(path)),
+                Err(error) => guide.fail(&error.with_path(path), path)?,
             }
         }
     }
@@ -196,6 +213,9 @@ impl LocalizeArgs {
         }
         if let Some(score) = self.score {
             cfg = cfg.with_score(score);
+        }
+        if let Some(risk) = self.risk {
+            cfg = cfg.with_risk(risk);
         }
         if let Some(n) = self.n {
             cfg = cfg.with_selection(Selection::top(n).map_err(|error| error.with_place("--n"))?);
@@ -283,26 +303,44 @@ struct Guide<'o> {
     trace: Option<Sink>,
     out: &'o mut Output,
     form: Form,
+    /// What is done to the frames of cameras and videos.
+    adjust: Adjust,
+    learns: bool,
+    /// How many places of the ranking are shown.
+    top: usize,
     outcome: Outcome,
     is_warned: bool,
 }
 
 impl<'o> Guide<'o> {
-    fn new(robot: Robot, trace: Option<Sink>, out: &'o mut Output) -> Self {
+    fn new(args: &LocalizeArgs, robot: Robot, trace: Option<Sink>, out: &'o mut Output) -> Self {
+        let size = robot.localizer().snapshot().meta.image_size;
         Self {
             robot,
             trace,
             out,
             form: Form::Line,
+            adjust: Adjust::new(args.reading.load_options(), size),
+            learns: args.learn,
+            top: args.top,
             outcome: Outcome::Good,
             is_warned: false,
         }
     }
 
     /// Says why a picture has no answer, and goes on.
-    fn fail(&mut self, error: &Error) {
+    fn fail(&mut self, error: &Error, image: impl AsRef<Path>) -> Result<()> {
         eprintln!("error: {error}");
         self.outcome = Outcome::Failed;
+        if self.form == Form::Json {
+            self.out.json(&json!({
+                "image": image.as_ref().display().to_string(),
+                "decision": "unusable",
+                "place": null,
+                "error": error.to_string(),
+            }))?;
+        }
+        Ok(())
     }
 
     /// Answers until the frames end or Ctrl-C is pressed.
@@ -312,9 +350,19 @@ impl<'o> Guide<'o> {
                 break;
             }
             match frame {
-                Ok(picture) => self.answer(&picture)?,
+                Ok(mut picture) => {
+                    let (image, mask) =
+                        (self.adjust).apply(picture.image, picture.mask, &mut picture.recipe)?;
+                    let picture = Picture {
+                        image,
+                        mask,
+                        ..picture
+                    };
+                    self.answer(&picture)?;
+                }
                 Err(error) => {
-                    self.fail(&error);
+                    let name = error.path().unwrap_or(Path::new("camera")).to_owned();
+                    self.fail(&error, name)?;
                     break;
                 }
             }
@@ -335,8 +383,7 @@ impl<'o> Guide<'o> {
                 Some(file) => error.with_path(file),
                 None => error.with_place(&picture.name),
             };
-            self.fail(&error);
-            return Ok(());
+            return self.fail(&error, &picture.name);
         }
         let (timing, num_features) = (self.robot.timing(), self.robot.features().len());
         tracing::info!(
@@ -352,13 +399,23 @@ impl<'o> Guide<'o> {
             self.is_warned = warn_of_time(localizer.snapshot(), time, Some(&picture.name));
         }
         let answer = self.robot.answer();
+        if let (true, Decision::At(id), Some(truth)) =
+            (self.learns, answer.decision, &picture.truth)
+            && localizer.snapshot().node(id).key != *truth
+        {
+            eprintln!(
+                "warning: {}: learnt as `{}`, where it was located, but its index says `{truth}`",
+                picture.name,
+                localizer.snapshot().node(id).key
+            );
+        }
         if self.outcome == Outcome::Good && !matches!(answer.decision, Decision::At(_)) {
             self.outcome = Outcome::Doubtful;
         }
         if let Some(sink) = &mut self.trace {
             sink.write(&self.robot, picture)?;
         }
-        let report = Report::new(localizer, picture, answer, num_features);
+        let report = Report::new(localizer, picture, answer, num_features, self.top);
         match self.form {
             Form::Json => self.out.json(&report)?,
             Form::Sheet => self.out.line(report.sheet())?,
@@ -429,6 +486,12 @@ struct Report<'a> {
     second: Option<Share<'a>>,
     /// How many places share the best score.
     tied: usize,
+    /// Which, if there are several.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    tied_places: Vec<&'a PlaceKey>,
+    /// The first places, if they were asked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    ranking: Vec<Share<'a>>,
     elsewhere: f64,
     reason: String,
     /// By how much the image is moved against the first place, if matches agree on that.
@@ -461,6 +524,7 @@ impl<'a> Report<'a> {
         picture: &'a Picture,
         answer: &Localization,
         num_features: usize,
+        top: usize,
     ) -> Self {
         let key = |id: NodeId| &localizer.snapshot().node(id).key;
         let share = |candidate: &Candidate| Share {
@@ -486,6 +550,11 @@ impl<'a> Report<'a> {
             best: first.map(share),
             second: answer.ranking.get(1).map(share),
             tied: answer.tied,
+            tied_places: (answer.ranking.iter())
+                .take(if answer.tied > 1 { answer.tied } else { 0 })
+                .map(|candidate| key(candidate.node))
+                .collect(),
+            ranking: answer.ranking.iter().take(top).map(share).collect(),
             elsewhere: answer.off_map,
             reason: answer.reason.to_string(),
             displacement_px: vote.map(|vote| [vote.median.dx_px, vote.median.dy_px]),
@@ -544,6 +613,18 @@ impl<'a> Report<'a> {
             Some([dx, dy]) => format!(", spread ({dx:.1}, {dy:.1}) px"),
             None => String::new(),
         };
+        let ranking: Vec<String> = (self.ranking.iter().enumerate())
+            .map(|(position, one)| {
+                let title = if position == 0 { "ranking" } else { "" };
+                format!(
+                    "\n{title:<12}  {}, score {}, posterior {:.3}",
+                    one.place,
+                    rounded(one.score),
+                    one.posterior
+                )
+            })
+            .collect();
+        let ranking = ranking.concat();
         format!(
             "image         {}\n\
              time          {time}\n\
@@ -552,7 +633,7 @@ impl<'a> Report<'a> {
              first         {}\n\
              second        {}\n\
              matches       {} of {} features, {} agree on the displacement\n\
-             displacement  {}{spread}",
+             displacement  {}{spread}{ranking}",
             self.image,
             self.verdict(),
             self.reason,

@@ -18,15 +18,19 @@ mod inspect;
 mod interrupt;
 mod live;
 mod localize;
+mod make_index;
 mod merge;
 mod new_map;
 mod outcome;
 mod output;
 mod pictures;
+mod place;
 mod predict;
 mod progress;
+mod reading;
 mod spectrum;
 mod spectrum_svg;
+mod unpacked;
 mod warnings;
 
 use std::io::IsTerminal;
@@ -99,6 +103,8 @@ enum MapCommand {
     Rollback(generations::RollbackArgs),
     Prune(generations::PruneArgs),
     Edge(edge::EdgeArgs),
+    Place(place::PlaceArgs),
+    Visit(place::VisitArgs),
     Held(held::HeldArgs),
     Accept(held::AcceptArgs),
     Drop(held::DropArgs),
@@ -107,10 +113,12 @@ enum MapCommand {
 
 #[derive(Debug, Subcommand)]
 #[command(after_help = "\
-Example:
-  chronotope dataset check photos/")]
+Examples:
+  chronotope dataset check photos/
+  chronotope dataset index photos/ --from folders")]
 enum DatasetCommand {
     Check(check::CheckArgs),
+    Index(make_index::MakeIndexArgs),
 }
 
 /// Runs the command that the process's arguments name; usage errors and `--help` end the process.
@@ -146,6 +154,8 @@ impl Cli {
             Command::Map(MapCommand::Rollback(args)) => generations::rollback(&args, &mut out),
             Command::Map(MapCommand::Prune(args)) => generations::prune(&args, &mut out),
             Command::Map(MapCommand::Edge(args)) => edge::run(&args, &mut out),
+            Command::Map(MapCommand::Place(args)) => place::place(&args, &mut out),
+            Command::Map(MapCommand::Visit(args)) => place::visit(&args, &mut out),
             Command::Map(MapCommand::Held(args)) => held::held(&args, &mut out),
             Command::Map(MapCommand::Accept(args)) => held::accept(&args, &mut out),
             Command::Map(MapCommand::Drop(args)) => held::drop_held(&args, &mut out),
@@ -154,6 +164,7 @@ impl Cli {
             Command::Predict(args) => predict::run(&args, &mut out),
             Command::Spectrum(args) => spectrum::run(&args, &mut out),
             Command::Dataset(DatasetCommand::Check(args)) => check::run(&args, &mut out),
+            Command::Dataset(DatasetCommand::Index(args)) => make_index::run(&args, &mut out),
         }
     }
 }

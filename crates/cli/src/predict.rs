@@ -112,13 +112,16 @@ pub(super) fn run(args: &PredictArgs, out: &mut Output) -> Result<Outcome> {
 }
 
 fn find(snapshot: &Snapshot, key: &str) -> chronotope::Result<NodeId> {
-    snapshot.find(&PlaceKey::new(key)?).ok_or_else(|| {
-        let mut known: Vec<_> = (snapshot.nodes.iter())
-            .map(|node| node.key.as_str())
-            .collect();
-        let more = if known.len() > 20 { ", ..." } else { "" };
-        known.truncate(20);
-        Error::new(ErrorKind::NotFound, format!("the map has no place `{key}`"))
-            .with_help(format!("it has {}{more}", known.join(", ")))
-    })
+    let written = snapshot.find(&PlaceKey::written(key)?);
+    written
+        .or(snapshot.find(&PlaceKey::new(key)?))
+        .ok_or_else(|| {
+            let mut known: Vec<_> = (snapshot.nodes.iter())
+                .map(|node| node.key.as_str())
+                .collect();
+            let more = if known.len() > 20 { ", ..." } else { "" };
+            known.truncate(20);
+            Error::new(ErrorKind::NotFound, format!("the map has no place `{key}`"))
+                .with_help(format!("it has {}{more}", known.join(", ")))
+        })
 }

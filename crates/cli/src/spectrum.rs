@@ -9,9 +9,11 @@ use serde_json::{Value, json};
 use super::outcome::Outcome;
 use super::output::Output;
 use super::spectrum_svg::{Picture, times};
+use super::unpacked::unpacked;
 use fremen::Series;
 use fremen::series::{Columns, time_of_cell};
 use fremen::spectrum::{CandidatePeriods, Component, SpectralSums};
+use fremen::time::{TimeUnit, Zone};
 use fremen::{Error, ErrorKind, Period, Time};
 
 /// Fewer samples than this are not split: every order would be chosen by chance.
@@ -24,17 +26,31 @@ const MIN_SAMPLES: usize = 16;
 /// predicted the latest samples best.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Rows are TIME,STATE: time in RFC 3339 with an offset or in seconds since 1970, state 0 or 1 (empty: missing).
-A header and further columns may be there.
+Rows are TIME,STATE: time in RFC 3339 with an offset or in seconds since 1970, state 0, 1, true or false
+(empty, NaN: missing). A header and further columns may be there; cells are separated by commas, semicolons,
+tabs or spaces; the file may be packed (gzip).
 
 Examples:
   chronotope spectrum door.csv
   chronotope spectrum door.csv --predict-at 2024-05-06T08:30:00Z --predict-at 2024-05-06T20:00:00Z
   chronotope spectrum door.csv --svg door.svg
+  chronotope spectrum office.csv --zone Europe/Prague
+  zcat log.gz | chronotope spectrum - --time-unit ms
+  chronotope spectrum visits.csv --events 600
   chronotope spectrum edges.csv --state-column success --base-s 86400 --count 24 --json")]
 pub(super) struct SpectrumArgs {
-    /// The CSV file.
+    /// The CSV file; `-` reads stdin.
     file: PathBuf,
+    /// What times that are numbers count: ns, us, ms, s, min, h, d (since 1970), excel or julian.
+    #[arg(long, value_name = "UNIT")]
+    time_unit: Option<TimeUnit>,
+    /// Rhythms follow the clocks of this zone, as people do, and dates without an offset are of it.
+    #[arg(long, value_name = "ZONE")]
+    zone: Option<Zone>,
+    /// The file is one column of times at which something happened: the state of each so many seconds
+    /// is whether it did.
+    #[arg(long, value_name = "SECONDS")]
+    events: Option<f64>,
     /// The name of the column of times; the first column otherwise.
     #[arg(long, value_name = "NAME")]
     time_column: Option<String>,
@@ -69,6 +85,15 @@ pub(super) struct SpectrumArgs {
     json: bool,
 }
 
+impl SpectrumArgs {
+    /// The moment at which clocks show this time.
+    fn moment(&self, shown: Time) -> Time {
+        self.zone
+            .as_ref()
+            .map_or(shown, |zone| zone.moment_shown(shown))
+    }
+}
+
 /// A model's errors on the samples that it did not learn from.
 struct Judged {
     model: &'static str,
@@ -97,8 +122,71 @@ pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
     let columns = Columns {
         time: args.time_column.as_deref(),
         state: args.state_column.as_deref(),
+        unit: args.time_unit,
+        zone: args.zone.as_ref(),
     };
-    let series = Series::read_csv(&args.file, columns)?;
+    let bytes = unpacked(&args.file)?;
+    let series = match args.events {
+        Some(step_s) => Series::parse_events(&bytes, columns, step_s),
+        None => Series::parse_csv(&bytes, columns),
+    }
+    .map_err(|error| error.with_path(&args.file))?;
+    let by_clocks = match &args.zone {
+        Some(zone) => series.in_zone(zone),
+        None => series,
+    };
+    if args.zone.is_none() {
+        note_daylight_saving(&by_clocks)?;
+    }
+    analyse(args, &by_clocks, out)
+}
+
+/// Says so if the rhythms move with the clocks of a region.
+fn note_daylight_saving(series: &Series) -> Result<()> {
+    /// A model by the clocks must be better than one by UTC by this much.
+    const CLEARLY: f64 = 0.8;
+    /// One for each of the common rules of summer time.
+    const REGIONS: [(&str, &str); 3] = [
+        ("Europe", "Europe/Berlin"),
+        ("North America", "America/New_York"),
+        ("south-eastern Australia", "Australia/Sydney"),
+    ];
+    let states = series.states();
+    let (Some(first), Some(last)) = (states.first(), states.last()) else {
+        return Ok(());
+    };
+    let error =
+        |series: &Series| -> Result<f64> { Ok(series.learn()?.brier(series).unwrap_or_default()) };
+    let mut by_utc = None;
+    for (region, name) in REGIONS {
+        let zone = Zone::new(name)?;
+        let offset_s = |time: Time| zone.wall(time).since_s(time);
+        if states
+            .iter()
+            .all(|&(time, _)| offset_s(time) == offset_s(first.0))
+        {
+            continue;
+        }
+        let limit = CLEARLY
+            * match by_utc {
+                Some(known) => known,
+                None => *by_utc.insert(error(series)?),
+            };
+        if error(&series.in_zone(&zone))? < limit {
+            eprintln!(
+                "note: between {} and {} the rhythms move when the clocks of {region} change; name \
+                 the zone, such as --zone {name}, so that predictions move with them",
+                to_the_second(first.0),
+                to_the_second(last.0)
+            );
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Judges the models, learns and shows; `series` is by the clocks of the zone, if there is one.
+fn analyse(args: &SpectrumArgs, series: &Series, out: &mut Output) -> Result<Outcome> {
     let base = args.base_s.map_or(Ok(Period::WEEK), Period::from_s)?;
     let candidates = CandidatePeriods::harmonic(base, args.count)?;
     let num_held_out = match series.len() {
@@ -114,8 +202,11 @@ pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
         Some(_) => times(series.states()),
         None => Vec::new(),
     };
-    let at = [&args.predict_at[..], &drawn].concat();
-    let mut learnt = learn(&series, &candidates, order, &at)?;
+    let mut at: Vec<Time> = (args.predict_at.iter())
+        .map(|&time| args.zone.as_ref().map_or(time, |zone| zone.wall(time)))
+        .collect();
+    at.extend(&drawn);
+    let mut learnt = learn(series, &candidates, order, &at)?;
     let curves: Vec<_> = (learnt.iter_mut())
         .map(|model| {
             (
@@ -135,9 +226,9 @@ pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
         std::fs::write(path, picture.svg()).map_err(|cause| Error::io(path, cause))?;
     }
     if args.json {
-        out.json(&as_json(args, &series, latest.len(), &judged, &learnt))?;
+        out.json(&as_json(args, series, latest.len(), &judged, &learnt))?;
     } else {
-        show(args, &series, latest.len(), &judged, &learnt, out)?;
+        show(args, series, latest.len(), &judged, &learnt, out)?;
     }
     Ok(Outcome::Good)
 }
@@ -250,7 +341,7 @@ fn as_json(
                 "period_s": component.period_s,
                 "amplitude": component.amplitude,
                 "phase_rad": component.phase_rad,
-                "first_peak": first_peak(component, first).to_string(),
+                "first_peak": args.moment(first_peak(component, first)).to_string(),
             })
         });
         let predicted = args.predict_at.iter().zip(&model.predicted);
@@ -267,7 +358,8 @@ fn as_json(
         "num_samples": series.len(),
         "num_missing": series.missing().len(),
         "num_held_out": num_held_out,
-        "first": first.to_string(),
+        "first": args.moment(first).to_string(),
+        "zone": args.zone.as_ref().map(Zone::name),
         "span_s": series.span_s(),
         "held_out": models.collect::<Vec<_>>(),
         "learnt": learnt.collect::<Vec<_>>(),
@@ -286,8 +378,9 @@ fn show(
     let first = series.states()[0].0;
     let span = Period::from_s(series.span_s()).map_or_else(|_| "no time".into(), |s| s.to_string());
     out.line(format_args!(
-        "{}: {count} samples over {span} from {first}, {} missing; 1 in {:.1} % of them",
+        "{}: {count} samples over {span} from {}, {} missing; 1 in {:.1} % of them",
         args.file.display(),
+        args.moment(first),
         series.missing().len(),
         100.0 * series.mean().unwrap_or_default()
     ))?;
@@ -327,7 +420,7 @@ fn show(
                 "{period:>12}  {:>9.3}  {:>9.3}  {}",
                 component.amplitude,
                 component.phase_rad,
-                to_the_second(first_peak(component, first))
+                to_the_second(args.moment(first_peak(component, first)))
             ))?;
         }
         for (time, p) in args.predict_at.iter().zip(&model.predicted) {

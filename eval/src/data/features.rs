@@ -81,10 +81,7 @@ impl ExtractedDataset {
                     extracted.push(image);
                     extraction_ms.push(ms);
                 }
-                Err(error) => dataset.problems.push(Problem {
-                    subject: entry.id,
-                    message: error.to_string(),
-                }),
+                Err(error) => (dataset.problems).push(Problem::new(entry.id, error.to_string())),
             }
         }
         dataset.entries = entries;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use crate::dataset::file_image::FileImage;
 use crate::dataset::manifest::Manifest;
-use crate::dataset::types::{Dataset, Entry, Problem};
+use crate::dataset::types::{Dataset, Entry, Problem, ReadOptions};
 use crate::feature::Rect;
 use crate::map::{Edge, PlaceKey};
 use fremen::error::{Error, ErrorKind, Result};
@@ -17,6 +17,7 @@ use fremen::time::Time;
 pub(super) struct Collector<'a> {
     pub(super) manifest: &'a Manifest,
     pub(super) root: &'a Path,
+    pub(super) options: &'a ReadOptions,
     pub(super) edges: Vec<Edge>,
     pub(super) poses: BTreeMap<PlaceKey, [f64; 3]>,
     entries: Vec<Found>,
@@ -35,10 +36,11 @@ struct Found {
 }
 
 impl<'a> Collector<'a> {
-    pub(super) fn new(manifest: &'a Manifest, root: &'a Path) -> Self {
+    pub(super) fn new(manifest: &'a Manifest, root: &'a Path, options: &'a ReadOptions) -> Self {
         Self {
             manifest,
             root,
+            options,
             edges: Vec::new(),
             poses: BTreeMap::new(),
             entries: Vec::new(),
@@ -50,10 +52,19 @@ impl<'a> Collector<'a> {
 
     /// Lists something that is left out.
     pub(super) fn problem(&mut self, subject: impl Into<String>, message: impl Into<String>) {
-        self.problems.push(Problem {
-            subject: subject.into(),
-            message: message.into(),
-        });
+        self.problems.push(Problem::new(subject, message));
+    }
+
+    /// Lists an image `path` (relative to the dataset's folder) that is left out.
+    pub(super) fn image_problem(
+        &mut self,
+        subject: impl Into<String>,
+        message: impl Into<String>,
+        path: &str,
+    ) {
+        let file = self.root.join(path);
+        self.problems
+            .push(Problem::new(subject, message).with_file(file));
     }
 
     /// Adds the image `path` (relative to the dataset's folder), found at `subject`, or lists why
@@ -66,32 +77,33 @@ impl<'a> Collector<'a> {
         path: &str,
         prepare: impl FnOnce(FileImage) -> FileImage,
     ) {
-        let masks = self.manifest.masks_of(place);
-        let source = prepare(FileImage::new(self.root.join(path)).with_masks(masks));
+        let picture = self.manifest.picture(&self.root.join(path), Some(place));
+        let source = prepare(picture.with_limits(self.options.limits));
         let places = &self.manifest.places;
         if !places.is_empty() && !places.contains(place) {
             let known: Vec<_> = places.iter().map(PlaceKey::as_str).collect();
-            return self.problem(
+            return self.image_problem(
                 subject,
                 format!(
                     "the place `{place}` is not in the manifest (help: correct it, or add it to `places`, which has {})",
                     known.join(", ")
                 ),
+                path,
             );
         }
         if let Err(message) = check_file(source.file(), path) {
-            return self.problem(subject, message);
+            return self.image_problem(subject, message, path);
         }
         if let Some(crop) = source.crop()
             && let Err(message) = self.check_crop(source.file(), path, crop)
         {
-            return self.problem(subject, message);
+            return self.image_problem(subject, message, path);
         }
         if let Some(first) = self.seen.get(&(place.clone(), time)) {
             let message = format!(
                 "a second image of `{place}` at {time}; {first} is kept (help: correct the place or the time, or remove one)"
             );
-            return self.problem(subject, message);
+            return self.image_problem(subject, message, path);
         }
         self.seen.insert((place.clone(), time), subject.to_owned());
         self.entries.push(Found {
@@ -147,12 +159,10 @@ impl<'a> Collector<'a> {
         };
         for place in &self.manifest.places {
             if places.binary_search(place).is_err() {
-                self.problems.push(Problem {
-                    subject: self.manifest.name.clone(),
-                    message: format!(
-                        "there is no image of the place `{place}` (help: complete the data)"
-                    ),
-                });
+                self.problems.push(Problem::new(
+                    &self.manifest.name,
+                    format!("there is no image of the place `{place}` (help: complete the data)"),
+                ));
             }
         }
         let known = |place: &PlaceKey| places.binary_search(place).is_ok();
@@ -178,6 +188,10 @@ impl<'a> Collector<'a> {
         Ok(Dataset {
             name: self.manifest.name.clone(),
             clock: self.manifest.time.clock,
+            image_size: self
+                .manifest
+                .image_size
+                .map(|[width, height]| (width, height)),
             entries,
             edges: self.edges,
             poses: self.poses,

@@ -4,28 +4,49 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::collector::{Collector, outside_message};
-use crate::dataset::table::{Row, Table};
+use crate::dataset::table::{Row, Table, read_text};
 use crate::feature::Rect;
 use crate::map::{Edge, PlaceKey};
 use fremen::error::{Error, ErrorKind, Result};
-use fremen::time::Time;
+use fremen::time::{Time, TimeUnit, Zone};
 
 const CROP: [&str; 4] = ["crop_x", "crop_y", "crop_w", "crop_h"];
+/// Columns of times, one of which an index has: RFC 3339, or numbers since 1970.
+const TIMES: [(&str, Option<TimeUnit>); 5] = [
+    ("time", None),
+    ("time_s", Some(TimeUnit::Seconds)),
+    ("time_ms", Some(TimeUnit::Milliseconds)),
+    ("time_us", Some(TimeUnit::Microseconds)),
+    ("time_ns", Some(TimeUnit::Nanoseconds)),
+];
+/// Columns that mean nothing here.
+const FOR_PEOPLE: [&str; 2] = ["condition", "note"];
 const POSE: [&str; 3] = ["x", "y", "z"];
 
 /// Reads the index.
-pub(super) fn read(collector: &mut Collector<'_>, file: &str) -> Result<()> {
-    let optional: Vec<_> = CROP
-        .iter()
-        .chain(&["scale"])
-        .chain(&POSE)
-        .copied()
+pub(super) fn read(collector: &mut Collector<'_>, file: &str, ignore: &[String]) -> Result<()> {
+    let path = collector.root.join(file);
+    let text = read_text(&path)?;
+    let header = text.lines().next().unwrap_or_default();
+    let has = |name: &str| {
+        header
+            .split(',')
+            .any(|cell| cell.trim().trim_matches('"') == name)
+    };
+    let times = TIMES.map(|(column, _)| column);
+    let time = times
+        .into_iter()
+        .find(|name| has(name))
+        .unwrap_or(TIMES[0].0);
+    let optional: Vec<_> = (CROP.into_iter())
+        .chain(["scale"])
+        .chain(POSE)
+        .chain(times.into_iter().filter(|name| *name != time))
+        .chain(FOR_PEOPLE)
+        .chain(ignore.iter().map(String::as_str))
         .collect();
-    let table = Table::read(
-        &collector.root.join(file),
-        &["place", "time", "path"],
-        &optional,
-    )?;
+    let table = Table::read(&path, &["place", time, "path"], &optional)?;
+    let times = Times::of(&table, collector.options.zone.as_ref())?;
     if table.rows.is_empty() {
         return Err(Error::new(ErrorKind::Format, "the index lists no image")
             .with_path(table.path())
@@ -41,8 +62,7 @@ pub(super) fn read(collector: &mut Collector<'_>, file: &str) -> Result<()> {
     let mut sums: BTreeMap<PlaceKey, ([f64; 3], f64)> = BTreeMap::new();
     for row in &table.rows {
         let place = place(&table, row, "place")?;
-        let time = Time::parse(table.text(row, "time")?)
-            .map_err(|error| table.locate(error, row, "time"))?;
+        let time = times.read(&table, row)?;
         let path = table.text(row, "path")?;
         let scale = match table.finite(row, "scale")? {
             Some(scale) if scale <= 0.0 => {
@@ -65,7 +85,7 @@ pub(super) fn read(collector: &mut Collector<'_>, file: &str) -> Result<()> {
         let subject = format!("{file} line {}", row.line);
         match crop {
             Crop::Outside(written) => {
-                collector.problem(subject, outside_message(&written, path, None));
+                collector.image_problem(subject, outside_message(&written, path, None), path);
             }
             Crop::None => collector.add(&subject, &place, time, path, |image| {
                 image.with_scale(scale)
@@ -80,6 +100,37 @@ pub(super) fn read(collector: &mut Collector<'_>, file: &str) -> Result<()> {
         .map(|(place, (sum, count))| (place, sum.map(|value| value / count)))
         .collect();
     Ok(())
+}
+
+/// The one column of times, and what stands in it.
+struct Times<'a> {
+    column: &'static str,
+    unit: Option<TimeUnit>,
+    zone: Option<&'a Zone>,
+}
+
+impl<'a> Times<'a> {
+    fn of(table: &Table, zone: Option<&'a Zone>) -> Result<Self> {
+        let mut there = TIMES.into_iter().filter(|(column, _)| table.has(column));
+        let (column, unit) = there.next().unwrap_or(TIMES[0]);
+        match there.next() {
+            None => Ok(Self { column, unit, zone }),
+            Some((second, _)) => Err(header_error(
+                table.path(),
+                format!("there are two columns of times, `{column}` and `{second}`"),
+                "remove one of them".into(),
+            )),
+        }
+    }
+
+    fn read(&self, table: &Table, row: &Row) -> Result<Time> {
+        let cell = table.text(row, self.column)?;
+        match self.unit {
+            Some(unit) => unit.time(cell),
+            None => Time::parse_in(cell, self.zone),
+        }
+        .map_err(|error| table.locate(error, row, self.column))
+    }
 }
 
 /// Reads poses.csv in the dataset's folder, where it exists.
@@ -141,7 +192,7 @@ pub(super) fn read_edges(collector: &mut Collector<'_>) -> Result<()> {
 }
 
 fn place(table: &Table, row: &Row, column: &str) -> Result<PlaceKey> {
-    PlaceKey::new(table.text(row, column)?).map_err(|error| table.locate(error, row, column))
+    PlaceKey::written(table.text(row, column)?).map_err(|error| table.locate(error, row, column))
 }
 
 enum Crop {

@@ -17,15 +17,20 @@ use super::manifest::{
     Layout, Manifest, default_folder_prefix, default_index, default_place_prefix,
 };
 use super::paths::list;
-use super::types::{Clock, Dataset};
+use super::types::{Clock, Dataset, ReadOptions};
 use crate::map::PlaceKey;
 use fremen::error::{Error, ErrorKind, Result};
 
 /// The images that `manifest` describes in `root`, which has this layout.
-pub(super) fn read(manifest: &Manifest, layout: &Layout, root: &Path) -> Result<Dataset> {
-    let mut collector = Collector::new(manifest, root);
+pub(super) fn read(
+    manifest: &Manifest,
+    layout: &Layout,
+    root: &Path,
+    options: &ReadOptions,
+) -> Result<Dataset> {
+    let mut collector = Collector::new(manifest, root, options);
     match layout {
-        Layout::Index { file } => index::read(&mut collector, file)?,
+        Layout::Index { file, ignore } => index::read(&mut collector, file, ignore)?,
         Layout::Grief { place_prefix } => grief::read(&mut collector, place_prefix)?,
         Layout::FreLoc {
             origins,
@@ -48,6 +53,7 @@ pub(super) fn read(manifest: &Manifest, layout: &Layout, root: &Path) -> Result<
 pub(super) fn detect(dir: &Path) -> Result<(Layout, Clock)> {
     let index = Layout::Index {
         file: default_index(),
+        ignore: Vec::new(),
     };
     if index.is_in(dir) {
         return Ok((index, Clock::Real));
@@ -95,7 +101,7 @@ impl Layout {
     /// Whether `dir` has this layout.
     pub fn is_in(&self, dir: &Path) -> bool {
         match self {
-            Self::Index { file } => dir.join(file).is_file(),
+            Self::Index { file, .. } => dir.join(file).is_file(),
             Self::Grief { .. } => grief::find_folder(dir).is_some(),
             Self::FreLoc { .. } => freloc::is_in(dir),
             Self::Nclt { .. } => nclt::sessions(dir).is_ok_and(|sessions| !sessions.is_empty()),
@@ -105,7 +111,7 @@ impl Layout {
     /// What [`is_in`](Self::is_in) looks for, for people.
     pub(super) fn wanted(&self) -> String {
         match self {
-            Self::Index { file } => format!("`{file}`"),
+            Self::Index { file, .. } => format!("`{file}`"),
             Self::Grief { .. } => "images MMLL.{ppm,png,webp,jpg}".into(),
             Self::FreLoc { .. } => "`training/place_N` or `testing/place_N`".into(),
             Self::Nclt { .. } => "`images/YYYY-MM-DD/lb3`".into(),

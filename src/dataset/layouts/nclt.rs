@@ -76,6 +76,7 @@ pub(super) fn read(collector: &mut Collector<'_>, layout: &Layout) -> Result<()>
             for best in passes(&images, place, *radius_m) {
                 let path = relative(collector.root, &best.path);
                 collector.add(&path, &place.key, best.time, &path, |image| {
+                    // Also where the manifest has other layouts for other folders.
                     image.with_rotation(*rotation)
                 });
             }

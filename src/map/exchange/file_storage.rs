@@ -43,7 +43,12 @@ pub struct FileStorageMap {
 pub fn read_file_storage(path: impl AsRef<Path>) -> Result<FileStorageMap> {
     let path = path.as_ref();
     let text = std::fs::read(path).map_err(|cause| Error::io(path, cause))?;
-    parse(&text).map_err(|error| error.with_path(path))
+    decode_file_storage(&text).map_err(|error| error.with_path(path))
+}
+
+/// [`read_file_storage`] of the bytes of a file.
+pub fn decode_file_storage(bytes: &[u8]) -> Result<FileStorageMap> {
+    parse(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes))
 }
 
 /// [`read_file_storage`] of what is in memory.

@@ -13,4 +13,4 @@ mod layout;
 mod npy;
 mod table;
 
-pub use file_storage::{FileStorageMap, read_file_storage};
+pub use file_storage::{FileStorageMap, decode_file_storage, read_file_storage};

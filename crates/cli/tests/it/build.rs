@@ -72,7 +72,8 @@ fn problems_of_a_dataset_are_listed_and_the_rest_is_learnt() {
         .map(|(place, time, path)| format!("{place},{time},{path}\n"))
         .collect();
     fixture.write("data/index.csv", fixture.index() + &rows.concat());
-    let built = fixture.succeeds("map build --data data --out street.map");
+    let built = fixture.run("map build --data data --out street.map");
+    assert_eq!(built.code, 1, "{built:?}");
     built.prints(&["4 places, 24 visits"]);
     built.notes(&[
         "none.png` does not exist",
@@ -85,11 +86,11 @@ fn problems_of_a_dataset_are_listed_and_the_rest_is_learnt() {
 
     let checked = fixture.run("dataset check data");
     assert_eq!(checked.code, 1, "{checked:?}");
-    checked.prints(&["problems  4"]);
+    checked.prints(&["problems  5"]);
     let checked = fixture.run("dataset check data --json");
     assert_eq!(
         checked.lines()[0]["problems"].as_array().map(Vec::len),
-        Some(4)
+        Some(5)
     );
 
     let clean = Fixture::new();

@@ -7,7 +7,7 @@ use crate::fixture::Fixture;
 #[test]
 fn a_map_goes_out_as_plain_files_and_comes_back() {
     let fixture = Fixture::with_map();
-    let export = "map export street.map street";
+    let export = "map export street.map --out street";
     let import = "map import street --out again.map";
     fixture.succeeds(export);
     fixture.succeeds(import);

@@ -146,7 +146,8 @@ fn an_update_of_what_is_no_map_or_has_other_images_changes_nothing() {
         "other/index.csv",
         "place,time,path\nplace-00,2024-01-01T00:00:00Z,a.png\n",
     );
-    let ran = fixture.succeeds("map update street.map --data other");
+    let ran = fixture.run("map update street.map --data other");
+    assert_eq!(ran.code, 1, "{ran:?}");
     ran.notes(&["1 problem", "64 x 48 px"]);
     assert_eq!(fs::read(fixture.path("street.map")).expect("there"), before);
 }

@@ -1,27 +1,42 @@
 //! Which times and states are in this CSV file?
+//!
+//! Files come as people have them: with a header or without, with commas, semicolons, tabs or
+//! spaces, `True` and `NaN`, a byte order mark. Times are RFC 3339 or numbers; numbers are seconds
+//! since 1970 unless another unit is given, and one that looks like another unit is an error that
+//! names it, because a series read in the wrong unit has rhythms, too: wrong ones.
 
 use std::path::Path;
 
 use super::Series;
 use crate::error::{Error, ErrorKind, Result};
-use crate::time::{Period, Time};
+use crate::time::{Time, TimeUnit, Zone};
 
-/// Where a series' columns are: by name, or the first two.
+/// A time before this, in a series of which most times are later than [`RECORDED_FROM`], is that of
+/// a clock that was never set.
+const NEVER_SET_BEFORE: Time = Time::from_s(2 * 365 * 86_400);
+const RECORDED_FROM: Time = Time::from_s(631_152_000);
+
+/// Where a series' columns are, and what its times mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Columns<'a> {
     /// The name of the column of times; the first column otherwise.
     pub time: Option<&'a str>,
     /// The name of the column of states; the second column otherwise.
     pub state: Option<&'a str>,
+    /// What times that are numbers count; seconds since 1970, and no other unit by mistake, if not
+    /// given.
+    pub unit: Option<TimeUnit>,
+    /// The zone of dates without an offset.
+    pub zone: Option<&'a Zone>,
 }
 
 impl Series {
     /// Reads a CSV file: a time and a state on every line.
     ///
-    /// Times are RFC 3339 with an offset or seconds since 1970 (a fraction is allowed), states `0`,
-    /// `1`, `false`, `true`; a row with an empty state is missing. Rows may come in any order,
-    /// lines that begin with `#` are comments, and a first row whose time is none is a header.
-    /// Fails with the line of what is no series.
+    /// Times are RFC 3339 with an offset or numbers ([`Columns::unit`]), states `0`, `1`, `false`,
+    /// `true` (in any case); a row with an empty state, `NaN`, `NA` or `null` is missing. Rows may
+    /// come in any order, lines that begin with `#` are comments, and a first row whose time and
+    /// state are none is a header. Fails with the line of what is no series.
     pub fn read_csv(path: impl AsRef<Path>, columns: Columns<'_>) -> Result<Self> {
         let path = path.as_ref();
         let bytes = std::fs::read(path).map_err(|cause| Error::io(path, cause))?;
@@ -30,18 +45,64 @@ impl Series {
 
     /// [`read_csv`](Self::read_csv) of the content of a file.
     pub fn parse_csv(bytes: &[u8], columns: Columns<'_>) -> Result<Self> {
-        parse(bytes, columns)
+        let series: Self = (rows(bytes, columns, 2)?.into_iter())
+            .map(|row| (row.time, row.state))
+            .collect();
+        if series.is_empty() {
+            return Err(format("the file has no rows with a time and a state")
+                .with_help("rows look like `2024-05-01T08:30:00Z,1`"));
+        }
+        Ok(series)
+    }
+
+    /// Reads a column of times at which something happened, as the series of whether it did in each
+    /// `step_s` seconds from the first to the last of them.
+    ///
+    /// Fails as [`parse_csv`](Self::parse_csv) does, with [`ErrorKind::Config`] unless the step is
+    /// positive, and with [`ErrorKind::Shape`] if there would be more than 2^24 steps.
+    pub fn parse_events(bytes: &[u8], columns: Columns<'_>, step_s: f64) -> Result<Self> {
+        const MAX_STEPS: i64 = 1 << 24;
+        let step_us = crate::time::Period::from_s(step_s)?.as_us();
+        let steps: std::collections::BTreeSet<i64> = (rows(bytes, columns, 1)?.into_iter())
+            .map(|row| row.time.as_us().div_euclid(step_us))
+            .collect();
+        let (Some(&first), Some(&last)) = (steps.first(), steps.last()) else {
+            return Err(format("the file has no times").with_help("write one on every line"));
+        };
+        if last - first >= MAX_STEPS {
+            return Err(Error::new(
+                ErrorKind::Shape,
+                format!("{} steps of {step_s} s are too many", last - first),
+            )
+            .with_help("choose a longer step"));
+        }
+        Ok((first..=last)
+            .map(|step| (Time::from_us(step * step_us), steps.contains(&step)))
+            .collect())
     }
 }
 
-fn parse(bytes: &[u8], columns: Columns<'_>) -> Result<Series> {
+struct Row {
+    time: Time,
+    state: Option<bool>,
+    line: u64,
+    /// As it is written.
+    cell: String,
+}
+
+/// The rows of a table with `num_columns` columns that matter: of times, and of states.
+fn rows(bytes: &[u8], columns: Columns<'_>, num_columns: usize) -> Result<Vec<Row>> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let mut reader = ::csv::ReaderBuilder::new()
         .has_headers(false)
         .trim(::csv::Trim::All)
         .comment(Some(b'#'))
+        .flexible(true)
+        .delimiter(delimiter(bytes))
         .from_reader(bytes);
     let mut at = (0, 1);
-    let mut samples = Vec::new();
+    let mut rows = Vec::new();
+    let mut num_cells = None;
     for (number, record) in reader.records().enumerate() {
         let record = record.map_err(|cause| {
             let line = cause.position().map_or(1, ::csv::Position::line);
@@ -49,44 +110,100 @@ fn parse(bytes: &[u8], columns: Columns<'_>) -> Result<Series> {
         })?;
         let line = line_of_record(bytes, &record, Some(b'#'));
         let place = |error: Error| error.with_place(format!("line {line}"));
-        if number == 0
-            && record
-                .get(at.0)
-                .is_none_or(|cell| time_of_cell(cell).is_err())
-        {
-            at = named(&record, columns).map_err(place)?;
+        let expected = *num_cells.get_or_insert(record.len());
+        if record.len() != expected {
+            let message = format!("{} columns, but {expected} before", record.len());
+            return Err(place(format(message).with_help(
+                "write every cell, even if empty, and quote one with a comma",
+            )));
+        }
+        if number == 0 && is_header(&record, columns) {
+            at = named(&record, columns, num_columns).map_err(place)?;
             continue;
         }
         if number == 0 && (columns.time.is_some() || columns.state.is_some()) {
             return Err(place(format("there is no header to find columns by")));
         }
         let cell = |i: usize| {
-            let missing = || place(format(format!("there is no column {}", i + 1)));
+            let missing = || {
+                let message = format!("a row has {} columns, not two", record.len());
+                place(format(message).with_help(
+                    "write a time and a state on every line; for a column of times at which \
+                     something happened say how long a step is",
+                ))
+            };
             record.get(i).ok_or_else(missing)
         };
-        let time = time_of_cell(cell(at.0)?).map_err(place)?;
-        match cell(at.1)? {
-            "" => samples.push((time, None)),
-            "0" | "0.0" | "false" => samples.push((time, Some(false))),
-            "1" | "1.0" | "true" => samples.push((time, Some(true))),
-            other => {
-                return Err(place(
-                    format(format!("`{other}` is no state"))
-                        .with_help("write 0 or 1, or nothing where it is not known"),
-                ));
-            }
-        }
+        let written = cell(at.0)?;
+        rows.push(Row {
+            time: time_in(written, columns).map_err(place)?,
+            state: if num_columns == 1 {
+                Some(true)
+            } else {
+                state(cell(at.1)?).map_err(place)?
+            },
+            line,
+            cell: written.to_owned(),
+        });
     }
-    let series: Series = samples.into_iter().collect();
-    if series.is_empty() {
-        return Err(format("the file has no rows with a time and a state")
-            .with_help("rows look like `2024-05-01T08:30:00Z,1`"));
+    check_times(&rows, columns.unit)?;
+    Ok(rows)
+}
+
+/// The character that stands between the cells of most lines at the beginning.
+fn delimiter(bytes: &[u8]) -> u8 {
+    let lines = bytes
+        .split(|&byte| byte == b'\n')
+        .filter(|line| !line.is_empty() && !line.starts_with(b"#"))
+        .take(8);
+    let count = |delimiter: u8| lines.clone().filter(|it| it.contains(&delimiter)).count();
+    let half = lines.clone().count() / 2;
+    if let Some(found) = [b',', b';', b'\t', b'|']
+        .into_iter()
+        .find(|&it| count(it) > half)
+    {
+        return found;
     }
-    Ok(series)
+    // A date may have a space in it.
+    let is_spaced = |line: &&[u8]| {
+        let before = line.split(|&byte| byte == b' ').next().unwrap_or_default();
+        line.contains(&b' ')
+            && std::str::from_utf8(before)
+                .is_ok_and(|text| text.parse::<f64>().is_ok() || text.contains('T'))
+    };
+    if lines.clone().filter(is_spaced).count() > half {
+        b' '
+    } else {
+        b','
+    }
+}
+
+/// Whether this first row names columns: its time is none and has no digit, or a column has the
+/// name that was asked for.
+fn is_header(row: &::csv::StringRecord, columns: Columns<'_>) -> bool {
+    let names = [columns.time, columns.state];
+    if names
+        .into_iter()
+        .flatten()
+        .any(|name| row.iter().any(|cell| cell == name))
+    {
+        return true;
+    }
+    let is_number = |cell: &str| cell.starts_with(|c: char| c.is_ascii_digit() || c == '-');
+    // A row whose time is broken is no header: it has a state.
+    let has_state = row
+        .get(1)
+        .is_some_and(|cell| !cell.is_empty() && state(cell).is_ok());
+    row.get(0)
+        .is_none_or(|cell| time_in(cell, columns).is_err() && !has_state && !is_number(cell))
 }
 
 /// The places of time and state in a header.
-fn named(header: &::csv::StringRecord, columns: Columns<'_>) -> Result<(usize, usize)> {
+fn named(
+    header: &::csv::StringRecord,
+    columns: Columns<'_>,
+    num_columns: usize,
+) -> Result<(usize, usize)> {
     let find = |name: Option<&str>, or: usize| match name {
         None if or < header.len() => Ok(or),
         None => Err(
@@ -99,23 +216,125 @@ fn named(header: &::csv::StringRecord, columns: Columns<'_>) -> Result<(usize, u
                 .with_help(format!("the columns are {}", known.join(", ")))
         }),
     };
-    Ok((find(columns.time, 0)?, find(columns.state, 1)?))
+    let time = find(columns.time, 0)?;
+    if num_columns == 1 {
+        return Ok((time, time));
+    }
+    Ok((time, find(columns.state, 1)?))
+}
+
+/// The state in a cell; `None` where it is missing.
+fn state(cell: &str) -> Result<Option<bool>> {
+    match cell.to_ascii_lowercase().as_str() {
+        "" | "nan" | "na" | "n/a" | "null" | "none" => Ok(None),
+        "0" | "0.0" | "false" => Ok(Some(false)),
+        "1" | "1.0" | "true" => Ok(Some(true)),
+        _ => Err(format(format!("`{cell}` is no state"))
+            .with_help("write 0 or 1, or nothing where it is not known")),
+    }
+}
+
+fn time_in(cell: &str, columns: Columns<'_>) -> Result<Time> {
+    match (cell.parse::<f64>(), columns.unit) {
+        (Err(_), _) => Time::parse_in(cell, columns.zone),
+        (Ok(_), Some(unit)) => unit.time(cell),
+        (Ok(_), None) => match finer_unit(cell) {
+            // One row is enough: as seconds it would be millennia away from any record.
+            Some(unit) => Err(looks_like(cell, unit)),
+            None => TimeUnit::Seconds.time(cell),
+        },
+    }
 }
 
 /// The time in a cell of a table: RFC 3339 with an offset, or seconds since 1970.
+///
+/// A number that is no moment in seconds from 1990 to 2060, but would be one in another unit with
+/// more digits, is refused.
 pub fn time_of_cell(cell: &str) -> Result<Time> {
-    match cell.parse::<f64>() {
-        Err(_) => Time::parse(cell),
-        Ok(seconds) => {
-            let us = (seconds * Period::from_s(1.0)?.as_us() as f64).round();
-            if us.is_finite() && us.abs() < i64::MAX as f64 {
-                Ok(Time::from_us(us as i64))
-            } else {
-                Err(Error::new(ErrorKind::Time, format!("`{cell}` is no time"))
-                    .with_help("write RFC 3339 with an offset, or seconds since 1970"))
-            }
-        }
+    time_in(cell, Columns::default())
+}
+
+/// The unit that a number of too many digits is in.
+fn finer_unit(cell: &str) -> Option<TimeUnit> {
+    let unit = cell.parse().ok().and_then(TimeUnit::guess)?;
+    let is_finer = matches!(
+        unit,
+        TimeUnit::Milliseconds | TimeUnit::Microseconds | TimeUnit::Nanoseconds
+    );
+    is_finer.then_some(unit)
+}
+
+/// Refuses times that are in another unit than the others, or than `unit`.
+///
+/// Minutes, hours and days are as small as seconds of a clock that began at 0: they are told by the
+/// whole series, if it begins late for such a clock, or by the others.
+fn check_times(rows: &[Row], unit: Option<TimeUnit>) -> Result<()> {
+    if unit.is_some() {
+        return Ok(());
     }
+    let fail = |row: &Row, error: Error| Err(error.with_place(format!("line {}", row.line)));
+    let mut times: Vec<Time> = rows.iter().map(|row| row.time).collect();
+    times.sort_unstable();
+    let (Some(&first), Some(&middle)) = (times.first(), times.get(times.len() / 2)) else {
+        return Ok(());
+    };
+    let guess = |row: &Row| row.cell.parse().ok().and_then(TimeUnit::guess);
+    if middle >= RECORDED_FROM {
+        // One row among good ones.
+        return match rows.iter().find(|row| row.time < NEVER_SET_BEFORE) {
+            None => Ok(()),
+            Some(row) => fail(
+                row,
+                match guess(row) {
+                    Some(unit) => looks_like(&row.cell, unit),
+                    None => Error::new(
+                        ErrorKind::Time,
+                        format!("{} is decades before the other times", row.time),
+                    )
+                    .with_help("that clock was never set: correct the time or remove the row"),
+                },
+            ),
+        };
+    }
+    let units: Vec<Option<TimeUnit>> = rows.iter().map(guess).collect();
+    match (rows.first(), units.first()) {
+        (Some(row), Some(&Some(unit)))
+            if unit != TimeUnit::Seconds
+                && units.iter().all(|&other| other == Some(unit))
+                && begins_late(first, &times, unit) =>
+        {
+            fail(row, looks_like(&row.cell, unit))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Whether times that are all moments in `unit` are no seconds of a clock that began at 0: they
+/// span less than they begin after it, in a step that suits the unit.
+fn begins_late(first: Time, times: &[Time], unit: TimeUnit) -> bool {
+    let last = times.last().copied().unwrap_or(first);
+    let steps = times.len().saturating_sub(1).max(1) as f64;
+    let step_s = last.since_s(first) / steps;
+    let is_days = matches!(
+        unit,
+        TimeUnit::Days | TimeUnit::ExcelDays | TimeUnit::JulianDays
+    );
+    // Samples of a day or more apart are rare, and so are several in a second.
+    last.since_s(first) < first.as_s() && (!is_days || step_s < 1.0)
+}
+
+fn looks_like(cell: &str, unit: TimeUnit) -> Error {
+    Error::new(
+        ErrorKind::Time,
+        format!(
+            "`{cell}` is read as seconds since 1970, and looks like {}",
+            unit.words()
+        ),
+    )
+    .with_help(format!(
+        "say what the numbers are (--time-unit {unit}, or --time-unit s if they are seconds), or \
+         write RFC 3339"
+    ))
 }
 
 fn format(message: impl Into<String>) -> Error {
@@ -145,7 +364,7 @@ mod tests {
     use super::*;
 
     fn parse(text: &str) -> Result<Series> {
-        super::parse(text.as_bytes(), Columns::default())
+        Series::parse_csv(text.as_bytes(), Columns::default())
     }
 
     #[test]
@@ -169,8 +388,9 @@ mod tests {
         let columns = Columns {
             time: Some("t"),
             state: Some("ok"),
+            ..Columns::default()
         };
-        let series = super::parse(b"ok,x,t\n1,7,10\n,7,20\n0,7,5\n", columns).expect("valid");
+        let series = Series::parse_csv(b"ok,x,t\n1,7,10\n,7,20\n0,7,5\n", columns).expect("valid");
         assert_eq!(
             series.states(),
             [(Time::from_s(5), false), (Time::from_s(10), true)]
@@ -180,7 +400,7 @@ mod tests {
             state: Some("door"),
             ..columns
         };
-        let error = super::parse(b"ok,x,t\n1,7,10\n", unknown).expect_err("no such column");
+        let error = Series::parse_csv(b"ok,x,t\n1,7,10\n", unknown).expect_err("no such column");
         assert!(error.to_string().contains("ok, x, t"), "{error}");
     }
 
@@ -199,5 +419,103 @@ mod tests {
             let error = parse(text).expect_err(text).to_string();
             assert!(error.contains(says), "{text:?}: {error}");
         }
+    }
+
+    /// A sample every ten minutes for a fortnight, its time written in `unit`.
+    fn in_unit(unit_s: f64, zero: f64) -> String {
+        let rows: Vec<String> = (0..2_016_i32)
+            .map(|i| {
+                let s = 1_714_521_600.0 + 600.0 * f64::from(i);
+                format!("{},{}", s / unit_s + zero, i / 72 % 2)
+            })
+            .collect();
+        rows.join("\n")
+    }
+
+    #[test]
+    fn pandas_17860_times_in_another_unit_are_refused_and_named() {
+        assert!(parse(&in_unit(1.0, 0.0)).is_ok());
+        for (text, unit) in [
+            (in_unit(1e-3, 0.0), TimeUnit::Milliseconds),
+            (in_unit(1e-6, 0.0), TimeUnit::Microseconds),
+            (in_unit(1e-9, 0.0), TimeUnit::Nanoseconds),
+            (in_unit(60.0, 0.0), TimeUnit::Minutes),
+            (in_unit(3_600.0, 0.0), TimeUnit::Hours),
+            (in_unit(86_400.0, 25_569.0), TimeUnit::ExcelDays),
+            (in_unit(86_400.0, 2_440_587.5), TimeUnit::JulianDays),
+        ] {
+            let error = parse(&text).expect_err(unit.words()).to_string();
+            assert!(
+                error.contains(unit.words()) && error.contains("line 1"),
+                "{error}"
+            );
+            let columns = Columns {
+                unit: Some(unit),
+                ..Columns::default()
+            };
+            let series = Series::parse_csv(text.as_bytes(), columns).expect("in this unit");
+            assert_eq!(series.len(), 2_016);
+            let start = series.states()[0].0;
+            assert_eq!(start.to_string(), "2024-05-01T00:00:00Z", "{unit}");
+        }
+    }
+
+    #[test]
+    fn pandas_17860_one_wrong_row_among_good_ones_is_named() {
+        let good = "1714521600,1\n1714522200,0\n1714522800,1\n";
+        for (row, words) in [
+            ("1714523400000,1", "milliseconds"),
+            ("28575390,1", "minutes"),
+            ("45413.02,1", "spreadsheet"),
+            ("0,1", "never set"),
+        ] {
+            let error = parse(&format!("{good}{row}\n")).expect_err(row).to_string();
+            assert!(error.contains(words) && error.contains("line 4"), "{error}");
+        }
+        let error = parse("2024-05-01T00:00:00Z,1\n1714522200000,0\n").expect_err("ms");
+        assert!(error.to_string().contains("line 2"), "{error}");
+    }
+
+    #[test]
+    fn series_come_as_people_have_them() {
+        let expected = [(Time::from_s(60), true), (Time::from_s(120), false)];
+        for text in [
+            "\u{feff}time;open\n60;True\n120;FALSE\n180;NaN\n",
+            "60\t1\n120\t0\n180\tNA\n",
+            "60 1\n120 0\n",
+            "60|1.0\n120|0.0\n180|null\n",
+        ] {
+            assert_eq!(parse(text).expect(text).states(), expected, "{text:?}");
+        }
+        let prague = Zone::new("Europe/Prague").expect("known");
+        let columns = Columns {
+            zone: Some(&prague),
+            ..Columns::default()
+        };
+        let text = b"2024-05-02 11:00:00,1\n2024-05-02 12:00:00,0\n";
+        let series = Series::parse_csv(text, columns).expect("valid");
+        assert_eq!(series.states()[0].0.to_string(), "2024-05-02T09:00:00Z");
+    }
+
+    #[test]
+    fn a_first_row_with_a_broken_time_is_no_header() {
+        for text in [
+            "2024-13-01T00:00:00Z,1\n",
+            "yesterday,1\n60,0\n",
+            "12x,\n60,1\n",
+        ] {
+            let error = parse(text).expect_err(text).to_string();
+            assert!(error.contains("line 1"), "{text:?}: {error}");
+        }
+    }
+
+    #[test]
+    fn times_at_which_something_happened_are_steps() {
+        let text = b"when\n1714521600\n1714521630\n1714521900\n";
+        let series = Series::parse_events(text, Columns::default(), 60.0).expect("valid");
+        let states: Vec<bool> = series.states().iter().map(|it| it.1).collect();
+        assert_eq!(states, [true, false, false, false, false, true]);
+        assert!(Series::parse_events(b"0\n4e9\n", Columns::default(), 1.0).is_err());
+        assert!(Series::parse_events(text, Columns::default(), 0.0).is_err());
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::spectrum::{CandidatePeriods, Periodogram};
-use crate::time::Time;
+use crate::time::{Time, Zone};
 use crate::visibility::HistoryLog;
 
 /// The history of one binary state, ascending in time.
@@ -47,6 +47,19 @@ impl Series {
             let at = self.missing.partition_point(|known| *known <= time);
             self.missing.insert(at, time);
         }
+    }
+
+    /// The same samples at the times that clocks in `zone` showed, for rhythms of people: they keep
+    /// office hours by their clocks, not by UTC.
+    ///
+    /// What is learnt of such a series predicts for [`Zone::wall`] of a moment.
+    #[must_use]
+    pub fn in_zone(&self, zone: &Zone) -> Self {
+        let known = self.states.iter().map(|&(time, state)| (time, Some(state)));
+        let missing = self.missing.iter().map(|&time| (time, None));
+        (known.chain(missing))
+            .map(|(time, state)| (zone.wall(time), state))
+            .collect()
     }
 
     /// The samples whose state is known, ascending.

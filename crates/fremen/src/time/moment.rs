@@ -1,4 +1,4 @@
-//! When?
+//! Which moments and lengths of time are there?
 //!
 //! A [`Time`] is a whole number of microseconds since 1970-01-01T00:00:00Z, a [`Period`] a positive
 //! whole number of microseconds. Both are integers, because `f32` epoch seconds step by 128 s and
@@ -6,7 +6,6 @@
 //! `t mod T` in integers ([`Time::phase`]) and only then becomes a fraction.
 
 use std::fmt;
-use std::str::FromStr;
 use std::time::{Duration, SystemTime};
 
 use serde::{Deserialize, Serialize};
@@ -53,20 +52,6 @@ impl Time {
     /// Seconds since the Unix epoch (exact to a microsecond for the next 140 years).
     pub fn as_s(self) -> f64 {
         self.0 as f64 / US_PER_S as f64
-    }
-
-    /// Reads an RFC 3339 time with an offset (`2009-10-15T12:00:00Z`).
-    ///
-    /// A time without an offset is refused: it would be a guess by hours.
-    pub fn parse(text: &str) -> Result<Self> {
-        text.trim()
-            .parse::<jiff::Timestamp>()
-            .map(|timestamp| Self(timestamp.as_microsecond()))
-            .map_err(|cause| {
-                Error::new(ErrorKind::Time, format!("bad time `{text}`: {cause}"))
-                    .with_help("write RFC 3339 with an offset, such as 2009-10-15T12:00:00Z")
-                    .with_source(cause)
-            })
     }
 
     /// The moment `us` microseconds later (earlier if negative), saturating at the ends of time.
@@ -152,14 +137,6 @@ impl TryFrom<Time> for SystemTime {
         };
         moved
             .ok_or_else(|| Error::new(ErrorKind::Time, format!("{time} is no time of this system")))
-    }
-}
-
-impl FromStr for Time {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        Self::parse(text)
     }
 }
 

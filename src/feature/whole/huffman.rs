@@ -195,13 +195,20 @@ mod tests {
 
     #[test]
     fn short_and_long_codes_are_read_until_the_marker() {
-        // 0, 10, 11000000000, 11000000111, then ones.
-        let bytes = [0b0101_1000, 0b0000_0110, 0b0000_0111, 0xFF, 0xD9];
+        // 0, 10, 11000000000, 11000000110, then ones.
+        let bytes = [
+            0b0101_1000,
+            0b0000_0011,
+            0b0000_0011,
+            0b0111_1111,
+            0xFF,
+            0xD9,
+        ];
         let mut bits = Bits::new(&bytes, 0);
         let read: Vec<_> = (0..4).map(|_| bits.symbol(&table())).collect();
-        assert_eq!(read, [Ok(1), Ok(2), Ok(3), Ok(10)]);
+        assert_eq!(read, [Ok(1), Ok(2), Ok(3), Ok(9)]);
         assert_eq!(bits.symbol(&table()), Err(Fault::Short));
-        assert_eq!(bits.finish(), (3, 0, true));
+        assert_eq!(bits.finish(), (4, 0, true));
     }
 
     #[test]

@@ -188,7 +188,7 @@ impl Robot {
                 return Err(Error::new(ErrorKind::Config, message)
                     .with_help("rank places by likelihood, which is the default"));
             }
-            Some(motion) => Some(Tracker::new(localizer.snapshot(), motion)?),
+            Some(motion) => Some(Tracker::new(&localizer, motion)?),
             None => None,
         };
         let localizer = Arc::new(localizer);

@@ -13,6 +13,7 @@ mod held;
 mod inspect;
 mod localize;
 mod merge;
+mod nothing_lost;
 mod predict;
 mod query_form;
 mod spectrum;

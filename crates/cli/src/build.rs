@@ -27,7 +27,7 @@ use super::output::{Output, contents};
 use super::progress::Progress;
 use super::warnings::print_held;
 use chronotope::dataset::{Clock, Dataset, Entry, Manifest, Problem};
-use chronotope::error::{Error, ErrorKind};
+use chronotope::error::{Error, ErrorKind, printable};
 use chronotope::feature::{Extractor, ExtractorConfig, Features, GrayImage, StarBriefConfig};
 use chronotope::learn::{
     Circumstances, ClockPolicy, KeepAppearances, LearnConfig, Observation, Recipe,
@@ -303,9 +303,7 @@ impl Build {
         match self.finish() {
             Ok(snapshot) => {
                 self.list_problems();
-                if self.num_held > 0 {
-                    eprintln!("{} visits are held: see above", self.num_held);
-                }
+                self.count_held();
                 let summary = snapshot.summary();
                 out.line(format_args!(
                     "{}: {}, {} appearances kept",
@@ -498,9 +496,25 @@ impl Build {
         }
     }
 
+    /// Says how many visits are held, and how many there was no room for.
+    fn count_held(&self) {
+        if self.num_held == 0 {
+            return;
+        }
+        let num_kept = self.learner.learner().held().visits().len();
+        eprintln!("{num_kept} visits are held: see above");
+        if num_kept < self.num_held {
+            eprintln!(
+                "warning: {} visits were held in this run, and there is no room for all: the oldest \
+                 are gone, and are judged again if this command is repeated",
+                self.num_held
+            );
+        }
+    }
+
     fn list_problems(&self) {
         for problem in &self.problems {
-            eprintln!("problem: {problem}");
+            eprintln!("problem: {}", printable(&problem.to_string()));
         }
         match self.problems.len() {
             0 => {}

@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use anyhow::Result;
+use fremen::error::printable;
 use fremen::file::{OutputFile, OutputKind};
 use serde::Serialize;
 
@@ -35,14 +36,17 @@ impl Output {
         Ok(Self(Box::new(Followed(file))))
     }
 
-    /// One line, or several without the last line's end.
+    /// One line, or several without the last line's end. Names in it may come from outside, so
+    /// nothing of it reaches a terminal that this would obey; only the ends of lines do.
     pub(super) fn line(&mut self, text: impl Display) -> Result<()> {
-        Ok(writeln!(self.0, "{text}")?)
+        let text = text.to_string();
+        let lines: Vec<_> = text.split('\n').map(printable).collect();
+        Ok(writeln!(self.0, "{}", lines.join("\n"))?)
     }
 
-    /// One line of JSON.
+    /// One line of JSON, which escapes control characters itself.
     pub(super) fn json(&mut self, value: &impl Serialize) -> Result<()> {
-        self.line(serde_json::to_string(value)?)
+        Ok(writeln!(self.0, "{}", serde_json::to_string(value)?)?)
     }
 }
 

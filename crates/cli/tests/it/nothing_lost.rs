@@ -274,3 +274,47 @@ fn a_map_that_appears_while_another_is_built_is_not_overwritten() {
     assert!(Map::create_from(&path, &snapshot).is_err());
     assert_eq!(fs::read(&path).expect("there"), b"somebody's");
 }
+
+#[test]
+fn a_run_of_learning_is_taken_back_alone_and_learns_no_image_twice() {
+    let fixture = Fixture::with_map();
+    let before = fixture.open("street.map").summary();
+    let learn = |image: &str| {
+        let line = format!("localize street.map {image} --time {QUERY_TIME} --learn");
+        fixture.run(&line)
+    };
+    let first = learn("query0.png");
+    first.notes(&["learnt: 1 visits", "--session "]);
+    let second = learn("query1.png");
+    second.notes(&["learnt: 1 visits"]);
+    let session = |ran: &crate::fixture::Ran| {
+        let at = ran.stderr.find("--session ").expect("named") + "--session ".len();
+        ran.stderr[at..at + 32].to_owned()
+    };
+    assert_ne!(session(&first), session(&second));
+    learn("query0.png").notes(&["learnt: 0 visits", "has learnt this visit"]);
+    fixture.succeeds(&format!(
+        "map forget street.map --session {}",
+        session(&first)
+    ));
+    let after = fixture.open("street.map").summary();
+    assert_eq!(after.num_visits, before.num_visits + 1);
+    // What built the map is known, too.
+    let built = fixture.run("localize street.map data/images/00.png --learn");
+    built.notes(&["learnt: 0 visits", "has learnt this visit"]);
+}
+
+#[test]
+fn names_from_outside_do_nothing_to_a_terminal() {
+    let fixture = Fixture::with_map();
+    let image = fs::read(fixture.path("query0.png")).expect("there");
+    fixture.write("a\u{1b}[31mb\u{202e}.png", image);
+    let mut command = fixture.command(&format!("localize street.map --time {QUERY_TIME}"));
+    let ran = command
+        .args(["a\u{1b}[31mb\u{202e}.png", "no\u{1b}[2J.png"])
+        .output();
+    let ran = crate::fixture::Ran::from(ran.expect("the command starts"));
+    let said = format!("{}{}", ran.stdout, ran.stderr);
+    assert!(said.contains("\\u{1b}[31mb\\u{202e}"), "{said}");
+    assert!(!said.contains(['\u{1b}', '\u{202e}']), "{said}");
+}

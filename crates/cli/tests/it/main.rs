@@ -11,6 +11,7 @@ mod fixture;
 mod generations;
 mod held;
 mod inspect;
+mod killed;
 mod localize;
 mod merge;
 mod nothing_lost;

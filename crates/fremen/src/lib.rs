@@ -24,7 +24,7 @@
 //! | room | the question it answers |
 //! |---|---|
 //! | [`error`] | what failed, where, and what helps? |
-//! | [`file`] | how is a file opened that may be hostile, and one written so that nothing is lost? |
+//! | [`mod@file`] | how is a file opened that may be hostile, and one written so that nothing is lost? |
 //! | [`time`] | when? |
 //! | [`spectrum`] | which rhythms are in this 0/1 history? |
 //! | [`visibility`] | will it be visible at time t? (many states that share their observation times) |

@@ -133,8 +133,8 @@ impl Store {
         glance().map_err(|error| error.with_path(path))
     }
 
-    /// Checks a file and changes none of its rows: `SQLite`'s pages, the declaration of the tables, then
-    /// what `read` checks of the rows; gives what that found and the faults, at most `limit`.
+    /// Checks a file and changes none of its rows: `SQLite`'s pages, the declaration of the tables,
+    /// then what `read` checks of the rows; gives what that found and the faults, at most `limit`.
     ///
     /// An error says that the file is not of this kind at all or cannot be read.
     pub fn verify<T>(
@@ -204,7 +204,8 @@ impl Store {
         read_it().map_err(|error| error.with_path(&self.path))
     }
 
-    /// Heals what a writer that was killed meanwhile may have left: `SQLite` would play any journal.
+    /// Heals what a writer that was killed meanwhile may have left: `SQLite` would play any
+    /// journal.
     fn settle(&self) -> Result<()> {
         if !self.is_read_only {
             settle(self.kind, &self.path, self.check)?;

@@ -13,7 +13,8 @@ use crate::fixture::Fixture;
 /// Calls that change what is on the disk, or decide who may. Those that a system has not are left
 /// out.
 const CALLS: &str = "?openat,?write,?pwrite64,?fsync,?fdatasync,?ftruncate,?unlink,?unlinkat,\
-                     ?rename,?renameat,?renameat2,?link,?linkat,?mkdir,?mkdirat,?rmdir,?flock,?fcntl";
+                     ?rename,?renameat,?renameat2,?link,?linkat,?mkdir,?mkdirat,?rmdir,?flock,\
+                     ?fcntl";
 
 /// A command that writes, and what it writes.
 struct Case {

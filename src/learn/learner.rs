@@ -465,16 +465,15 @@ impl Learner {
             )
             .with_path(&observation.source));
         }
-        let id = VisitId::derive(
-            observation.session,
-            &observation.place,
-            observation.time,
-            &features_digest(observation.features),
-        );
-        let known = self
-            .snapshot
-            .find(&observation.place)
-            .is_some_and(|node| self.snapshot.node(node).visits.iter().any(|v| v.id == id));
+        let digest = features_digest(observation.features);
+        let of_session =
+            |session| VisitId::derive(session, &observation.place, observation.time, &digest);
+        let id = of_session(observation.session);
+        // Whichever run it was: the same image at the same time is the same visit.
+        let known = self.snapshot.find(&observation.place).is_some_and(|node| {
+            let mut visits = self.snapshot.node(node).visits.iter();
+            visits.any(|it| it.time == observation.time && it.id == of_session(it.session))
+        });
         if known {
             return Err(Error::new(
                 ErrorKind::AlreadyExists,

@@ -1,5 +1,6 @@
 //! Which rhythms does a series of 0 and 1 have, and how well do they predict it?
 
+use std::io::Write;
 use std::path::PathBuf;
 
 use anyhow::Result;
@@ -8,8 +9,9 @@ use serde_json::{Value, json};
 
 use super::outcome::Outcome;
 use super::output::Output;
-use super::spectrum_svg::{Picture, times};
+use super::spectrum_svg::{Picture, SVG, times};
 use fremen::Series;
+use fremen::file::OutputFile;
 use fremen::series::{Columns, time_of_cell};
 use fremen::spectrum::{CandidatePeriods, Component, SpectralSums};
 use fremen::{Error, ErrorKind, Period, Time};
@@ -94,6 +96,10 @@ pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
         )
         .into());
     }
+    // Refused before anything is worked out.
+    let svg = (args.svg.as_ref())
+        .map(|path| OutputFile::replace(path, SVG, &[&args.file]))
+        .transpose()?;
     let columns = Columns {
         time: args.time_column.as_deref(),
         state: args.state_column.as_deref(),
@@ -110,7 +116,7 @@ pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
     let order = (judged.iter())
         .find(|row| row.model == "fremen" && row.is_chosen)
         .map_or(0, |row| row.order);
-    let drawn = match args.svg {
+    let drawn = match svg {
         Some(_) => times(series.states()),
         None => Vec::new(),
     };
@@ -124,7 +130,7 @@ pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
             )
         })
         .collect();
-    if let Some(path) = &args.svg {
+    if let Some(mut file) = svg {
         let picture = Picture {
             title: args.file.display().to_string(),
             states: series.states(),
@@ -132,7 +138,9 @@ pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
             curves: curves.iter().map(|(name, p)| (*name, &p[..])).collect(),
             periodogram: &series.periodogram(&candidates)?,
         };
-        std::fs::write(path, picture.svg()).map_err(|cause| Error::io(path, cause))?;
+        file.write_all(picture.svg().as_bytes())
+            .map_err(|cause| Error::io(file.path(), cause))?;
+        file.finish()?;
     }
     if args.json {
         out.json(&as_json(args, &series, latest.len(), &judged, &learnt))?;

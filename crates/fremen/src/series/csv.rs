@@ -4,7 +4,11 @@ use std::path::Path;
 
 use super::Series;
 use crate::error::{Error, ErrorKind, Result};
+use crate::file;
 use crate::time::{Period, Time};
+
+/// Bytes of a file, at most: some ten million rows.
+const MAX_BYTES: u64 = 1 << 28;
 
 /// Where a series' columns are: by name, or the first two.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -24,7 +28,7 @@ impl Series {
     /// Fails with the line of what is no series.
     pub fn read_csv(path: impl AsRef<Path>, columns: Columns<'_>) -> Result<Self> {
         let path = path.as_ref();
-        let bytes = std::fs::read(path).map_err(|cause| Error::io(path, cause))?;
+        let bytes = file::read(path, MAX_BYTES)?;
         Self::parse_csv(&bytes, columns).map_err(|error| error.with_path(path))
     }
 

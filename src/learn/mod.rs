@@ -35,6 +35,7 @@ mod guard_config;
 mod learner;
 mod merge;
 mod online;
+mod overlap;
 mod reference;
 mod visit;
 
@@ -46,4 +47,5 @@ pub use guard::Circumstances;
 pub use guard_config::{ClockPolicy, GuardConfig, Judge};
 pub use learner::Learner;
 pub use merge::{merge, relearn};
+pub use overlap::have_in_common;
 pub use visit::{Learnt, Observation};

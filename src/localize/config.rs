@@ -10,6 +10,8 @@ use fremen::visibility::VisibilityConfig;
 
 /// An answer may be wrong one time in twenty.
 const RISK: f64 = 0.05;
+/// However few visits a place has, it is not predicted by more features than this for their sake.
+const MAX_FOR_FEW_VISITS: usize = 300;
 
 /// The one of `all` that is called `name`; an error that lists them, if none is.
 pub(super) fn by_name<T: Copy, const N: usize>(
@@ -227,6 +229,7 @@ struct Fields {
     method: Method,
     score: Score,
     selection: Selection,
+    many_visits: u32,
     choice: Choice,
     calibrated: bool,
     without: Vec<EvidencePart>,
@@ -278,6 +281,7 @@ impl LocalizerConfig {
                 method: Method::Fremen,
                 score: Score::Count,
                 selection: Selection::at_least_one(50),
+                many_visits: 1,
                 choice: Choice::Likeliest,
                 calibrated: false,
                 without: Vec::new(),
@@ -294,6 +298,7 @@ impl LocalizerConfig {
                 method: Method::Fremen,
                 score: Score::Likelihood,
                 selection: Selection::at_least_one(50),
+                many_visits: 6,
                 choice: Choice::Covering,
                 calibrated: true,
                 without: Vec::new(),
@@ -356,6 +361,15 @@ impl LocalizerConfig {
     #[must_use]
     pub fn with_selection(mut self, selection: Selection) -> Self {
         self.0.selection = selection;
+        self
+    }
+
+    /// A place of fewer visits than this is predicted by more than n features, as long as nothing
+    /// is known of which of them last: by `n * many_visits / visits` (rounded up), at most 300. With
+    /// 1, by n.
+    #[must_use]
+    pub fn with_many_visits(mut self, many_visits: u32) -> Self {
+        self.0.many_visits = many_visits;
         self
     }
 
@@ -443,6 +457,29 @@ impl LocalizerConfig {
     /// How much of each place is predicted.
     pub fn selection(&self) -> Selection {
         self.0.selection
+    }
+
+    /// From how many visits on a place is predicted by n features, and not by more.
+    pub fn many_visits(&self) -> u32 {
+        self.0.many_visits
+    }
+
+    /// How many features a place of so many visits is predicted by, at `n`.
+    pub(super) fn num_predicted(&self, n: usize, num_visits: usize) -> usize {
+        let many = self.0.many_visits as usize;
+        if num_visits >= many {
+            return n;
+        }
+        let grown = n.saturating_mul(many).div_ceil(num_visits.max(1));
+        grown.min(MAX_FOR_FEW_VISITS).max(n)
+    }
+
+    /// The selection for a place of so many visits.
+    pub(super) fn selection_for(&self, selection: Selection, num_visits: usize) -> Selection {
+        match selection {
+            Selection::Top(n) => Selection::at_least_one(self.num_predicted(n.get(), num_visits)),
+            by_probability @ Selection::Threshold(_) => by_probability,
+        }
     }
 
     /// Which features of a place are predicted first.

@@ -5,17 +5,22 @@
 //! models, the calibration, and the words that candidates are found by. What is left is to check it
 //! and to lay it out.
 //!
-//! The index cache is a cache and never the truth. Its name and its head tell which generation of
-//! which map, which configuration and which version of this crate it was made of ([`Fingerprint`]);
-//! one that does not fit, or that is truncated or damaged, is made anew. Where the folder may not
-//! be written, the map opens as slowly as without. Answers are the same, bit for bit.
+//! The index cache is a cache and never the truth. Its name tells which generation of which map,
+//! which configuration and which version of this crate it was made of ([`Fingerprint`]); one that
+//! does not fit, or that is truncated or damaged, is made anew. Where the folder may not be
+//! written, the map opens as slowly as without. Answers are the same, bit for bit.
+//!
+//! Nobody else can make one: it is read only if its owner is the map's or this process's and
+//! nobody may write it who may not write the map; and all of it is under a SHA-256 with the
+//! fingerprint as key, which is not in the file and which only those can work out who may read the
+//! map. It gets the rights of the map, because it says what the map says.
 //!
 //! # Format
-//! Little-endian. A head of 64 bytes: magic, version (u32), CRC-32 of the other bytes of the head
-//! (u32), the fingerprint (32 bytes), where the contents begin (u64), their CRC-32 (u32), zero
-//! (u32). Then blocks of up to 64 places, each with a CRC-32 of its own so that threads read them
-//! side by side, then the contents: JSON of what holds for the whole map and of where each block
-//! lies. For each feature 32 bytes of descriptor, 16 of keypoint, and `8 + 18 l` of a model of
+//! Little-endian. A head of 64 bytes: magic, version (u32), zero (u32), where the contents begin
+//! (u64), zero (u64), the seal (32 bytes): SHA-256 of the fingerprint, the 32 bytes before the seal
+//! and the SHA-256 of the contents. Then blocks of up to 64 places, each with a SHA-256 of its own
+//! so that threads read them side by side, then the contents: JSON of what holds for the whole map
+//! and of where each block lies and what its SHA-256 is. For each feature 32 bytes of descriptor, 16 of keypoint, and `8 + 18 l` of a model of
 //! order l (the mean: 8); a bit for each of its visits. Kept appearances, 48 bytes a feature, are
 //! there only for a method that matches them; which of them it matches at what time is worked out
 //! again.
@@ -23,12 +28,10 @@
 //! A map with a model that is neither [`Fremen`] nor [`Mean`] has no index cache.
 
 use std::fmt;
-use std::fs::File;
-use std::io::{self, BufWriter, Seek, Write};
+use std::io::{Seek, Write};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use base64::Engine as _;
@@ -49,14 +52,17 @@ use crate::map::{
 };
 use crate::matching::BinaryWords;
 use crate::predict::ReferenceVisits;
-use fremen::error::{Error, Result};
+use fremen::error::{Error, ErrorKind, Result};
+use fremen::file::{self, OutputFile, OutputKind};
 use fremen::time::Time;
 use fremen::visibility::{self, BitRow, VisibilityModel, Visits};
 
 const MAGIC: [u8; 8] = *b"CHRQUERY";
 /// Grows when bytes or what they lead to change their meaning.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 const HEAD_BYTES: usize = 64;
+/// Where in the head the seal begins.
+const SEAL_AT: usize = 32;
 /// Places that a thread reads at a time.
 const PLACES_PER_BLOCK: usize = 64;
 /// Blocks that wait in memory to be written.
@@ -66,8 +72,11 @@ const BLOCKS_PER_WAVE: usize = 16;
 /// for 6 with 4,644.
 const SLOW: Duration = Duration::from_secs(1);
 
-/// Index caches that this process has begun to write, so that no two threads write to one file.
-static NUM_PARTS: AtomicU32 = AtomicU32::new(0);
+/// What has such a name is an index cache, whatever is left in it.
+const KIND: OutputKind = OutputKind {
+    noun: "an index cache",
+    begins: b"",
+};
 
 /// Whether an index cache is kept beside a map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -119,7 +128,8 @@ impl fmt::Display for IndexCache {
     }
 }
 
-/// A SHA-256 over what an index cache is made of.
+/// A SHA-256 over what an index cache is made of, the digest of all that the map remembers among
+/// it.
 type Fingerprint = [u8; 32];
 
 /// What holds for the whole map, and where its places are.
@@ -153,7 +163,7 @@ enum Kept<'a> {
 struct Block {
     start: u64,
     len: u64,
-    crc: u32,
+    sha256: [u8; 32],
     num_places: u32,
 }
 
@@ -185,7 +195,7 @@ impl Localizer {
         if cache != IndexCache::Never {
             let stamp = Stamp::read(path)?;
             let file = index_cache_path(path, stamp, &cfg);
-            if let Some(localizer) = read(&file, &fingerprint(stamp, &cfg), &cfg) {
+            if let Some(localizer) = read(&file, path, &fingerprint(stamp, &cfg), &cfg) {
                 tracing::info!(file = %file.display(), "opened by the query form");
                 return Ok(localizer);
             }
@@ -204,34 +214,29 @@ impl Localizer {
         // Another process may have committed since the stamp was read.
         let stamp = Stamp::of(self.snapshot());
         let file = index_cache_path(path, stamp, self.cfg());
-        let number = NUM_PARTS.fetch_add(1, Ordering::Relaxed);
-        let part = file.with_extension(format!("part{}-{number}", std::process::id()));
-        let written = (self.write_index_cache(&part, &fingerprint(stamp, self.cfg()))).and_then(
-            |is_written| {
-                if is_written {
-                    std::fs::rename(&part, &file)
-                } else {
-                    Ok(())
-                }
-            },
-        );
+        let written = OutputFile::replace(&file, KIND, &[]).and_then(|output| {
+            let mut output = output.with_rights_of(path);
+            if self.write_index_cache(&mut output, &fingerprint(stamp, self.cfg()))? {
+                output.finish()?;
+            }
+            Ok(())
+        });
         if let Err(error) = written {
             tracing::info!(file = %file.display(), %error, "no query form kept");
-            // It may never have come to be.
-            let _ = std::fs::remove_file(&part);
             return;
         }
         remove_older(path, stamp);
     }
 
     /// Whether it could be written: every model must have a form in bytes.
-    fn write_index_cache(&self, path: &Path, fingerprint: &Fingerprint) -> io::Result<bool> {
+    fn write_index_cache(&self, file: &mut OutputFile, fingerprint: &Fingerprint) -> Result<bool> {
+        let path = file.path().to_owned();
+        let io = |cause: std::io::Error| Error::io(&path, cause);
         let kept = (self.map.plans.iter()).map(|plan| match plan.as_ref() {
             Plan::Appearances { .. } => Kept::Appearances,
             Plan::Predicted { model, .. } => Kept::Model(model.as_ref()),
         });
-        let mut file = BufWriter::new(File::create_new(path)?);
-        file.write_all(&[0; HEAD_BYTES])?;
+        file.write_all(&[0; HEAD_BYTES]).map_err(io)?;
         let mut end = HEAD_BYTES as u64;
         let places: Vec<_> = self.snapshot().nodes.iter().zip(kept).collect();
         let mut blocks = Vec::new();
@@ -249,21 +254,22 @@ impl Localizer {
                 return Ok(false);
             };
             for (num_places, bytes) in wave {
-                file.write_all(&bytes)?;
+                file.write_all(&bytes).map_err(io)?;
                 blocks.push(Block {
                     start: end,
                     len: bytes.len() as u64,
-                    crc: crc32fast::hash(&bytes),
+                    sha256: Sha256::digest(&bytes).into(),
                     num_places: num_places as u32,
                 });
                 end += bytes.len() as u64;
             }
         }
-        let contents = serde_json::to_vec(&self.contents(blocks))?;
-        file.write_all(&contents)?;
-        file.rewind()?;
-        file.write_all(&head(fingerprint, end, crc32fast::hash(&contents)))?;
-        file.flush()?;
+        let contents = serde_json::to_vec(&self.contents(blocks))
+            .map_err(|cause| io(std::io::Error::other(cause)))?;
+        file.write_all(&contents).map_err(io)?;
+        file.rewind().map_err(io)?;
+        file.write_all(&head(fingerprint, end, &contents))
+            .map_err(io)?;
         Ok(true)
     }
 
@@ -358,10 +364,13 @@ fn remove_older(map: &Path, stamp: Stamp) {
     for entry in entries.flatten() {
         let other = entry.file_name();
         let generation = (other.to_str())
+            .map(|other| match other.strip_suffix(".unfinished") {
+                // What a killed process has left.
+                Some(rest) => rest.strip_prefix('.').unwrap_or(rest),
+                None => other,
+            })
             .and_then(|other| other.strip_prefix(name)?.strip_prefix('.'))
-            .and_then(|rest| rest.rsplit_once('.'))
-            .filter(|(_, kind)| *kind == "query" || kind.starts_with("part"))
-            .and_then(|(hashes, _)| hashes.split_once('.'));
+            .and_then(|rest| rest.strip_suffix(".query")?.split_once('.'));
         let is_hash =
             |text: &str| text.len() == 16 && text.bytes().all(|byte| byte.is_ascii_hexdigit());
         if let Some((generation, cfg)) = generation
@@ -375,29 +384,36 @@ fn remove_older(map: &Path, stamp: Stamp) {
     }
 }
 
-fn head(fingerprint: &Fingerprint, contents: u64, crc: u32) -> [u8; HEAD_BYTES] {
+fn head(fingerprint: &Fingerprint, start: u64, contents: &[u8]) -> [u8; HEAD_BYTES] {
     let mut head = [0; HEAD_BYTES];
     head[..8].copy_from_slice(&MAGIC);
     head[8..12].copy_from_slice(&VERSION.to_le_bytes());
-    head[16..48].copy_from_slice(fingerprint);
-    head[48..56].copy_from_slice(&contents.to_le_bytes());
-    head[56..60].copy_from_slice(&crc.to_le_bytes());
-    let crc = crc_of_head(&head);
-    head[12..16].copy_from_slice(&crc.to_le_bytes());
+    head[16..24].copy_from_slice(&start.to_le_bytes());
+    let mut seal = Sha256::new();
+    seal.update(fingerprint);
+    seal.update(&head[..SEAL_AT]);
+    seal.update(Sha256::digest(contents));
+    head[SEAL_AT..].copy_from_slice(&seal.finalize());
     head
 }
 
-fn crc_of_head(head: &[u8; HEAD_BYTES]) -> u32 {
-    let mut hasher = crc32fast::Hasher::new();
-    hasher.update(&head[..12]);
-    hasher.update(&head[16..]);
-    hasher.finalize()
-}
-
-/// The localizer whose index cache is at `path`; `None` if there is none that fits.
-fn read(path: &Path, fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Option<Localizer> {
-    let file = MappedFile::open(path).ok()?;
-    let localizer = parse(&file, fingerprint, cfg);
+/// The localizer whose index cache of the map at `map` is at `path`; `None` if there is none that
+/// fits.
+fn read(
+    path: &Path,
+    map: &Path,
+    fingerprint: &Fingerprint,
+    cfg: &LocalizerConfig,
+) -> Option<Localizer> {
+    let found = match file::open_beside(path, map) {
+        Ok(found) => found,
+        Err(error) if error.kind() == ErrorKind::NotFound => return None,
+        Err(error) => {
+            tracing::warn!("the query form is not used: {error}");
+            return None;
+        }
+    };
+    let localizer = parse(&MappedFile::of(&found).ok()?, fingerprint, cfg);
     if localizer.is_none() {
         tracing::warn!(file = %path.display(), "the query form does not fit or is damaged; it is made anew");
     }
@@ -406,12 +422,12 @@ fn read(path: &Path, fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Option
 
 fn parse(file: &[u8], fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Option<Localizer> {
     let found: &[u8; HEAD_BYTES] = file.first_chunk()?;
-    let mut reader = Reader(&found[48..]);
-    let (start, crc) = (reader.u64()?, reader.u32()?);
-    if *found != head(fingerprint, start, crc) && !cfg!(fuzzing) {
+    let start = Reader(&found[16..]).u64()?;
+    let contents = file.get(usize::try_from(start).ok()?..)?;
+    // A fuzzer, which cannot guess a hash, gets behind it.
+    if *found != head(fingerprint, start, contents) && !cfg!(fuzzing) {
         return None;
     }
-    let contents = checked(file.get(usize::try_from(start).ok()?..)?, crc)?;
     let contents: Contents = serde_json::from_slice(contents).ok()?;
     // One after the other, so that no bytes are read twice.
     let mut end = HEAD_BYTES as u64;
@@ -464,15 +480,14 @@ fn parse(file: &[u8], fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Optio
     })
 }
 
-/// The bytes, if this is their checksum; a fuzzer, which cannot guess it, gets behind it.
-fn checked(bytes: &[u8], crc: u32) -> Option<&[u8]> {
-    (cfg!(fuzzing) || crc32fast::hash(bytes) == crc).then_some(bytes)
-}
-
 fn read_block(file: &[u8], block: &Block, cfg: &LocalizerConfig) -> Option<Vec<(Node, Plan)>> {
     let start = usize::try_from(block.start).ok()?;
     let end = start.checked_add(usize::try_from(block.len).ok()?)?;
-    let mut reader = Reader(checked(file.get(start..end)?, block.crc)?);
+    let bytes = file.get(start..end)?;
+    if Sha256::digest(bytes)[..] != block.sha256 && !cfg!(fuzzing) {
+        return None;
+    }
+    let mut reader = Reader(bytes);
     let places = (0..block.num_places)
         .map(|_| reader.place(cfg))
         .collect::<Option<Vec<_>>>()?;
@@ -561,10 +576,6 @@ impl<'a> Reader<'a> {
 
     fn u8(&mut self) -> Option<u8> {
         self.array().map(u8::from_le_bytes)
-    }
-
-    fn u32(&mut self) -> Option<u32> {
-        self.array().map(u32::from_le_bytes)
     }
 
     fn u64(&mut self) -> Option<u64> {

@@ -26,6 +26,10 @@ pub struct Localization {
     pub off_map: f64,
     /// What to believe, given the posteriors and the risk that is allowed.
     pub decision: Decision,
+    /// The places that hold the probability which the risk asks for: the one that was located, or
+    /// the first and some of those beside it, most probable first; empty where no such places are.
+    #[serde(default)]
+    pub region: Vec<NodeId>,
     /// The numbers behind the decision.
     pub reason: Reason,
     /// How many Hamming distances were computed.
@@ -42,6 +46,9 @@ pub struct Localization {
 pub enum Decision {
     /// The robot is here.
     At(NodeId),
+    /// The robot is here or at a place beside it: together they are as sure as the risk asks for,
+    /// and no one of them is. See [`Localization::region`].
+    Near(NodeId),
     /// Surely in the map, but several places fit.
     Ambiguous,
     /// No place fits well enough.
@@ -53,12 +60,52 @@ impl Decision {
     /// At `node`, the most probable place, if the probability of being wrong is at most `risk`; in
     /// the map but ambiguous, if that is all that is as sure; unknown otherwise.
     pub fn by_risk(node: NodeId, posterior: f64, off_map: f64, risk: f64) -> Self {
-        if 1.0 - posterior <= risk {
-            Self::At(node)
-        } else if off_map <= risk {
+        Self::by_region(&[], node, |_| posterior, off_map, risk, &mut Vec::new())
+    }
+
+    /// At `node`, the best place, if the probability of being wrong is at most `risk`; near it, if
+    /// that is so together with places `beside` it; in the map but ambiguous, if that is all that
+    /// is as sure; unknown otherwise.
+    ///
+    /// `posterior` says how probable a place is; `region` gets the places that were needed, most
+    /// probable first.
+    pub(super) fn by_region(
+        beside: &[u32],
+        node: NodeId,
+        posterior: impl Fn(NodeId) -> f64,
+        off_map: f64,
+        risk: f64,
+        region: &mut Vec<NodeId>,
+    ) -> Self {
+        region.clear();
+        region.push(node);
+        let mut total = posterior(node);
+        if 1.0 - total <= risk {
+            return Self::At(node);
+        }
+        while let Some(next) = (beside.iter().map(|&node| NodeId(node)))
+            .filter(|node| !region.contains(node))
+            .max_by(|a, b| posterior(*a).total_cmp(&posterior(*b)).then(b.cmp(a)))
+        {
+            region.push(next);
+            total += posterior(next);
+            if 1.0 - total <= risk {
+                return Self::Near(node);
+            }
+        }
+        region.clear();
+        if off_map <= risk {
             Self::Ambiguous
         } else {
             Self::Unknown
+        }
+    }
+
+    /// The place that was located, or the first of those that were; `None` otherwise.
+    pub fn place(self) -> Option<NodeId> {
+        match self {
+            Self::At(node) | Self::Near(node) => Some(node),
+            Self::Ambiguous | Self::Unknown => None,
         }
     }
 }
@@ -207,7 +254,11 @@ impl Localization {
 
     /// Sorts the places and decides: by the posterior where it is calibrated, by the least score
     /// otherwise.
-    pub(super) fn decide(&mut self, cfg: &LocalizerConfig) {
+    pub(super) fn decide<'a>(
+        &mut self,
+        cfg: &LocalizerConfig,
+        beside: impl Fn(NodeId) -> &'a [u32],
+    ) {
         let by_score = |a: &Candidate, b: &Candidate| b.score.total_cmp(&a.score);
         (self.ranking).sort_unstable_by(|a, b| by_score(a, b).then(a.node.cmp(&b.node)));
         let best = self.first().map_or(0.0, |first| first.score);
@@ -228,22 +279,45 @@ impl Localization {
             second: self.ranking.get(1).map(|second| second.score),
             rule,
         };
-        self.decision = match (self.first(), rule) {
+        self.region.clear();
+        self.decision = match (self.ranking.first(), rule) {
             (None, _) => Decision::Unknown,
             (Some(first), Rule::Risk { allowed, .. }) => {
-                Decision::by_risk(first.node, first.posterior, self.off_map, allowed)
+                let node = first.node;
+                self.decide_by_risk(beside(node), node, allowed)
             }
             (Some(_), Rule::MinScore(least)) if best < f64::from(least) => Decision::Unknown,
-            (Some(first), _) if self.tied == 1 => Decision::At(first.node),
+            (Some(first), _) if self.tied == 1 => {
+                self.region.push(first.node);
+                Decision::At(first.node)
+            }
             (Some(_), _) => Decision::Ambiguous,
         };
+    }
+
+    fn decide_by_risk(&mut self, beside: &[u32], node: NodeId, allowed: f64) -> Decision {
+        let mut region = std::mem::take(&mut self.region);
+        let posterior = |node: NodeId| {
+            let of_node = self.ranking.iter().find(|it| it.node == node);
+            of_node.map_or(0.0, |candidate| candidate.posterior)
+        };
+        let decision =
+            Decision::by_region(beside, node, posterior, self.off_map, allowed, &mut region);
+        self.region = region;
+        decision
     }
 }
 
 impl Localization {
     /// Takes over what is believed of each place, by node, and of being off the map, and decides by
     /// that.
-    pub(super) fn follow(&mut self, cfg: &LocalizerConfig, belief: &[f64], off_map: f64) {
+    pub(super) fn follow<'a>(
+        &mut self,
+        cfg: &LocalizerConfig,
+        beside: impl Fn(NodeId) -> &'a [u32],
+        belief: &[f64],
+        off_map: f64,
+    ) {
         for candidate in &mut self.ranking {
             candidate.posterior = belief[candidate.node.0 as usize];
         }
@@ -263,9 +337,11 @@ impl Localization {
                 off_map,
             },
         };
-        self.decision = self.first().map_or(Decision::Unknown, |place| {
-            Decision::by_risk(place.node, first, off_map, cfg.risk())
-        });
+        self.region.clear();
+        self.decision = match self.first().map(|place| place.node) {
+            Some(node) => self.decide_by_risk(beside(node), node, cfg.risk()),
+            None => Decision::Unknown,
+        };
     }
 }
 

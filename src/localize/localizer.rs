@@ -6,9 +6,11 @@ use rayon::prelude::*;
 
 use super::candidates::{Finder, LENGTH};
 use super::config::{LocalizerConfig, PlaceSearch, Score};
-use super::evidence::{self, Calibration, Expectation, Hits, LogMean, as_evidence};
+use super::evidence::{
+    self, Calibration, Expectation, Hits, LogMean, PosteriorCalibration, as_evidence,
+};
 use super::forecast::{Forecast, ForecastSource, Forecasts};
-use super::localization::Localization;
+use super::localization::{Decision, Localization};
 use super::plan::{Plan, PlannedMap};
 use super::query::Query;
 use super::scratch::Scratch;
@@ -257,7 +259,7 @@ impl Localizer {
         }
         out.time = query.time;
         self.compute_posterior(scratch, out);
-        out.decide(self.cfg());
+        out.decide(self.cfg(), |node| self.beside(node));
     }
 
     /// Predicts all places; `None` where the method remembers appearances instead.
@@ -389,6 +391,8 @@ impl Localizer {
         let calibration = calibration.posterior_calibration(score, self.typical_size(out));
         let (scores, posterior) = (&scratch.scores, &mut scratch.posterior);
         out.off_map = calibration.posterior_into(scores, self.cfg().off_map(), posterior);
+        let node_at = |at: usize| out.ranking[at].node;
+        self.share_near(calibration, scores, posterior, out.ranking.len(), node_at);
         for (candidate, &posterior) in out.ranking.iter_mut().zip(&*posterior) {
             candidate.posterior = posterior;
         }
@@ -405,7 +409,52 @@ impl Localizer {
             .collect();
         let mut posterior = Vec::new();
         let off_map = calibration.posterior_into(&evidence, self.cfg().off_map(), &mut posterior);
+        let node_at = |at: usize| NodeId(at as u32);
+        self.share_near(calibration, &evidence, &mut posterior, scores.len(), node_at);
         Some((posterior, off_map))
+    }
+
+    /// Shares the probability of the best place and of those that look like it out anew; `node_at`
+    /// says which place the first `num_ranked` scores are of.
+    fn share_near(
+        &self,
+        posterior_calibration: PosteriorCalibration,
+        scores: &[f64],
+        posterior: &mut [f64],
+        num_ranked: usize,
+        node_at: impl Fn(usize) -> NodeId,
+    ) {
+        let Some(known) = &self.calibration else {
+            return;
+        };
+        let better = |a: usize, b: usize| if scores[b] > scores[a] { b } else { a };
+        let Some(best) = (0..num_ranked).reduce(better) else {
+            return;
+        };
+        let alike = known.neighbours.beside(node_at(best));
+        if known.neighbours.reach() == 0 || alike.is_empty() {
+            return;
+        }
+        let is_member = |at: &usize| *at == best || alike.binary_search(&node_at(*at).0).is_ok();
+        let members = (0..num_ranked).filter(is_member);
+        posterior_calibration.share_near(scores, members, posterior);
+    }
+
+    /// What to believe of an image, given the posterior of each place by node: the decision, and
+    /// the places that it leaves open.
+    ///
+    /// An evaluation uses this with [`posterior`](Self::posterior).
+    pub fn decide(&self, best: NodeId, posterior: &[f64], off_map: f64) -> (Decision, Vec<NodeId>) {
+        let mut region = Vec::new();
+        let of = |node: NodeId| posterior[node.0 as usize];
+        let decision =
+            Decision::by_region(self.beside(best), best, of, off_map, self.cfg().risk(), &mut region);
+        (decision, region)
+    }
+
+    /// The places that share an answer with one.
+    fn beside(&self, node: NodeId) -> &[u32] {
+        (self.calibration.as_ref()).map_or(&[], |known| known.neighbours.beside(node))
     }
 
     /// The number of features that the scores are made of: n, or what a threshold leaves on

@@ -36,6 +36,7 @@ mod forecast;
 mod index_cache;
 mod localization;
 mod localizer;
+mod neighbours;
 mod plan;
 mod query;
 mod scratch;

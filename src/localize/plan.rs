@@ -157,7 +157,8 @@ impl PlannedMap {
         }
     }
 
-    /// Chooses the features of a place that should be visible.
+    /// Chooses the features of a place that should be visible: more than selected, where it has
+    /// few visits.
     pub(super) fn choose(
         &self,
         predicted: &mut PredictedMap,
@@ -166,6 +167,7 @@ impl PlannedMap {
         time: Time,
         selection: Selection,
     ) {
+        let selection = self.cfg.selection_for(selection, references.num_visits());
         match self.cfg.choice() {
             _ if self.cfg.method() == Method::Fused => {
                 predicted.predict_fused(model, time, selection, references);

@@ -120,20 +120,24 @@ impl Localizer {
         pairs_compared.resize(sizes.len(), 0);
         appearances.resize_with(self.map.plans.len(), Vec::new);
         let num_live = query.features.len();
-        let mut count_pairs = |num_ranked: usize| {
-            for (pairs, &size) in pairs_compared.iter_mut().zip(sizes.iter()) {
+        let mut count_pairs = |sizes: &[usize], num_ranked: usize| {
+            for (pairs, &size) in pairs_compared.iter_mut().zip(sizes) {
                 *pairs += (size.min(num_ranked) * num_live) as u64;
             }
         };
+        let mut grown = Vec::with_capacity(sizes.len());
         for (id, scores) in (0..).map(NodeId).zip(scores.chunks_mut(sizes.len())) {
             match self.map.plans[id.0 as usize].as_ref() {
                 Plan::Predicted { model, references } => {
                     let part = Selection::at_least_one(largest);
                     let model = (model.as_ref(), references);
                     self.predict_part(scratch, id, model, time, part);
-                    count_pairs(scratch.ranked.len());
+                    let num_visits = references.num_visits();
+                    grown.clear();
+                    grown.extend(sizes.iter().map(|&n| self.cfg().num_predicted(n, num_visits)));
+                    count_pairs(&grown, scratch.ranked.len());
                     let ranked = std::mem::take(&mut scratch.ranked);
-                    self.score_into(scratch, ranked.view(), query, sizes, scores);
+                    self.score_into(scratch, ranked.view(), query, &grown, scores);
                     scratch.ranked = ranked;
                 }
                 plan @ Plan::Appearances { .. } => {
@@ -145,7 +149,7 @@ impl Localizer {
                     odds.resize(sizes.len(), LogMean::default());
                     for &visit in &visits {
                         let ranked = self.map.appearance(id, visit, largest);
-                        count_pairs(ranked.len());
+                        count_pairs(sizes, ranked.len());
                         let known = &mut known[visit as usize];
                         if known.is_empty() {
                             known.resize(sizes.len(), PlaceScores::default());

@@ -31,6 +31,8 @@ use serde::{Deserialize, Serialize};
 
 use super::config::{LocalizerConfig, Score};
 use super::localization::Localization;
+use super::localizer::Localizer;
+use super::neighbours::Neighbours;
 use crate::map::{NodeId, Snapshot};
 use fremen::error::{Error, ErrorKind, Result};
 
@@ -157,7 +159,9 @@ fn share(name: &str, value: f64, least: f64) -> Result<()> {
     .with_help("give a number between 0 and 1; `kidnap` must be above 0"))
 }
 
-/// Motion along the edges of a map, either way; from a place without edges, to any place.
+/// Motion along the edges of a map, either way; where it has none, along the ways that the robot
+/// took when it learnt the map: from a place to those that it saw right before and after it. From a
+/// place without either, to any place.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EdgeMotion {
     stay: f64,
@@ -171,6 +175,12 @@ impl EdgeMotion {
     pub fn new(snapshot: &Snapshot, cfg: &MotionConfig) -> Result<Self> {
         let cfg = cfg.checked()?;
         let mut neighbours = vec![Vec::new(); snapshot.nodes.len()];
+        if snapshot.edges.is_empty() {
+            let known = Neighbours::of(snapshot);
+            for (node, neighbours) in (0..).map(NodeId).zip(&mut neighbours) {
+                neighbours.extend(known.links(node).iter().map(|&to| NodeId(to)));
+            }
+        }
         let mut ends: Vec<_> = (snapshot.edges.iter())
             .filter_map(|edge| Some((snapshot.find(&edge.from)?, snapshot.find(&edge.to)?)))
             .filter(|(from, to)| from != to)
@@ -268,6 +278,8 @@ pub struct Tracker {
     /// Of each place: how likely the image is there.
     likelihoods: Vec<f64>,
     off_map: f64,
+    /// Which places may share an answer.
+    neighbours: Neighbours,
 }
 
 impl std::fmt::Debug for Tracker {
@@ -281,11 +293,17 @@ impl std::fmt::Debug for Tracker {
 }
 
 impl Tracker {
-    /// A robot that may be anywhere and moves along the edges of `snapshot`.
+    /// A robot that may be anywhere and moves along the edges of the map of `localizer`
+    /// ([`EdgeMotion`]).
     ///
     /// Fails with [`ErrorKind::Config`] where a number of `cfg` is no probability.
-    pub fn new(snapshot: &Snapshot, cfg: MotionConfig) -> Result<Self> {
-        Self::with_motion(Arc::new(EdgeMotion::new(snapshot, &cfg)?), cfg)
+    pub fn new(localizer: &Localizer, cfg: MotionConfig) -> Result<Self> {
+        let motion = EdgeMotion::new(localizer.snapshot(), &cfg)?;
+        let mut tracker = Self::with_motion(Arc::new(motion), cfg)?;
+        if let Some(known) = localizer.calibration() {
+            tracker.neighbours = known.neighbours.clone();
+        }
+        Ok(tracker)
     }
 
     /// A robot that may be anywhere and moves as `motion` says; of `cfg`, everything but `stay`
@@ -300,6 +318,7 @@ impl Tracker {
             moved: Vec::new(),
             likelihoods: Vec::new(),
             off_map: 0.0,
+            neighbours: Neighbours::default(),
         })
     }
 
@@ -370,7 +389,8 @@ impl Tracker {
             }
             self.off_map = answer.off_map;
         }
-        answer.follow(cfg, &self.belief, self.off_map);
+        let beside = |node| self.neighbours.beside(node);
+        answer.follow(cfg, beside, &self.belief, self.off_map);
         Ok(())
     }
 

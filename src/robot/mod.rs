@@ -188,7 +188,7 @@ impl Robot {
                 return Err(Error::new(ErrorKind::Config, message)
                     .with_help("rank places by likelihood, which is the default"));
             }
-            Some(motion) => Some(Tracker::new(localizer.snapshot(), motion)?),
+            Some(motion) => Some(Tracker::new(&localizer, motion)?),
             None => None,
         };
         let localizer = Arc::new(localizer);
@@ -196,6 +196,11 @@ impl Robot {
             None => Teaching::Nobody,
             Some(learner) if cfg.learns == Place::Inline => Teaching::Inline(Box::new(learner)),
             Some(learner) => Teaching::Thread(Worker::start(learner, Arc::clone(&localizer))?),
+        };
+        let session = if cfg.is_live {
+            SessionId::random()
+        } else {
+            session_after(localizer.snapshot())
         };
         Ok(Self {
             path: path.to_owned(),
@@ -206,11 +211,7 @@ impl Robot {
             tracker,
             mask: cfg.mask,
             teaching,
-            session: if cfg.is_live {
-                SessionId::random()
-            } else {
-                SessionId::derive("localize")
-            },
+            session,
             is_live: cfg.is_live,
             features: Features::new(),
             answer: Localization::default(),
@@ -309,6 +310,11 @@ impl Robot {
     /// What answered the last image.
     pub fn localizer(&self) -> &Localizer {
         &self.localizer
+    }
+
+    /// The run that its visits belong to: `learn::forget_session` takes them back.
+    pub fn session(&self) -> SessionId {
+        self.session
     }
 
     /// The map's file.
@@ -433,6 +439,13 @@ impl Drop for Robot {
             tracing::warn!("what was learnt last is not kept: {error}");
         }
     }
+}
+
+/// The run that goes on from this state of this map: recorded images that are given to the same map
+/// again give the same visits.
+fn session_after(snapshot: &Snapshot) -> SessionId {
+    let (uuid, generation) = (snapshot.meta.uuid, snapshot.generation);
+    SessionId::derive(&format!("run on {uuid:032x} after {generation}"))
 }
 
 fn check_may_learn(map: &Map, cfg: &LearnConfig) -> Result<()> {

@@ -4,9 +4,11 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use crate::feature::{Features, GrayImage};
 use crate::learn::{Circumstances, LearnConfig, Learner, Learnt, Observation};
-use crate::map::{Map, Snapshot};
-use fremen::error::{Error, Result};
+use crate::map::{Map, PlaceKey, SessionId, Snapshot};
+use fremen::error::{Error, ErrorKind, Result};
+use fremen::time::Time;
 
 /// After a commit, at least this many times as long as it took passes before the next: commits take
 /// at most a tenth of the time.
@@ -23,14 +25,22 @@ const BYTES_PER_VISIT: usize = 200;
 /// A smaller file is never pruned.
 const SMALL_BYTES: usize = 1 << 18;
 
+/// How often what was learnt is learnt again, because other processes commit at the same time,
+/// before the commit is put off until the next one is due.
+const MAX_ATTEMPTS: usize = 20;
+
 /// A map file and the learner that goes on with it: learns visits, commits when it is time.
 ///
 /// [`Robot`](super::Robot) has one where it learns; a program that learns labelled images, whose
-/// places it knows, uses it alone. Nothing is committed when it is dropped.
+/// places it knows, uses it alone. Nothing is committed when it is dropped. Other processes may
+/// commit to the same file: what was learnt since the last commit is then learnt again on top of
+/// theirs.
 #[derive(Debug)]
 pub struct OnlineLearner {
     map: Map,
     learner: Learner,
+    /// What was learnt or quarantined since the last commit.
+    pending: Vec<Pending>,
     interval: Duration,
     next_commit: Instant,
 }
@@ -45,6 +55,44 @@ pub struct Committed {
     pub took: Duration,
 }
 
+/// A visit that is not in the file yet.
+#[derive(Debug)]
+struct Pending {
+    place: PlaceKey,
+    session: SessionId,
+    time: Time,
+    features: Features,
+    image_size: (u32, u32),
+    mask: Option<GrayImage>,
+    source: String,
+    circumstances: Circumstances,
+    /// Whether it was learnt and not quarantined.
+    is_learnt: bool,
+}
+
+impl Pending {
+    fn observe(&self, learner: &mut Learner) -> Result<()> {
+        let observation = Observation {
+            place: self.place.clone(),
+            session: self.session,
+            time: self.time,
+            features: &self.features,
+            image_size: self.image_size,
+            mask: self.mask.as_ref(),
+            source: self.source.clone(),
+        };
+        let learnt = learner.observe_under(&observation, &self.circumstances)?;
+        // It was believed before, and somebody was told so.
+        if learnt.doubt.is_some()
+            && self.is_learnt
+            && let Some(id) = learner.held().visits().last().map(|it| it.id)
+        {
+            learner.accept(id)?;
+        }
+        Ok(())
+    }
+}
+
 impl OnlineLearner {
     /// Goes on with `map`; commits are due at most every `interval`, less often where they take
     /// long.
@@ -55,6 +103,7 @@ impl OnlineLearner {
         Ok(Self {
             map,
             learner,
+            pending: Vec::new(),
             interval,
             next_commit: Instant::now() + interval,
         })
@@ -86,7 +135,19 @@ impl OnlineLearner {
         observation: &Observation<'_>,
         circumstances: &Circumstances,
     ) -> Result<Learnt> {
-        self.learner.observe_under(observation, circumstances)
+        let learnt = self.learner.observe_under(observation, circumstances)?;
+        self.pending.push(Pending {
+            place: observation.place.clone(),
+            session: observation.session,
+            time: observation.time,
+            features: observation.features.clone(),
+            image_size: observation.image_size,
+            mask: observation.mask.cloned(),
+            source: observation.source.clone(),
+            circumstances: *circumstances,
+            is_learnt: learnt.doubt.is_none(),
+        });
+        Ok(learnt)
     }
 
     /// Whether the interval since the last commit has passed.
@@ -96,13 +157,43 @@ impl OnlineLearner {
 
     /// Commits what was learnt as a generation of the file.
     ///
-    /// Where a budget made the learner forget, and generations have become many, all but the last
-    /// few are pruned. Fails as [`Map::replace`] and [`Map::prune`] do; what was learnt is still
-    /// there then, and the call can be repeated.
+    /// Where another process has committed meanwhile, that is read, and what was learnt since the
+    /// last commit is learnt again on top of it. Where a budget made the learner forget, and
+    /// generations have become many, all but the last few are pruned. Fails as [`Map::replace`] and
+    /// [`Map::prune`] do; what was learnt is still there then, and the call can be repeated.
     pub fn commit(&mut self) -> Result<Committed> {
+        self.commit_with(|_| Ok(()))
+    }
+
+    /// [`commit`](Self::commit) of what was learnt with what `change` makes of it in addition, such
+    /// as poses and edges; that may be called several times, and the learner goes on without it.
+    pub fn commit_with(
+        &mut self,
+        change: impl Fn(&mut Snapshot) -> Result<()>,
+    ) -> Result<Committed> {
         let begun = Instant::now();
-        let snapshot = self.learner.snapshot()?;
-        self.commit_snapshot(&snapshot)?;
+        let mut num_attempts = 0;
+        let snapshot = loop {
+            let mut snapshot = Snapshot::clone(&*self.learner.snapshot()?);
+            change(&mut snapshot)?;
+            num_attempts += 1;
+            match self.map.replace(&snapshot) {
+                Ok(_) => break snapshot,
+                Err(error)
+                    if error.kind() == ErrorKind::Conflict && num_attempts < MAX_ATTEMPTS =>
+                {
+                    tracing::info!("learning again: {error}");
+                    self.refresh()?;
+                }
+                Err(error) => return Err(error),
+            }
+        };
+        self.pending.clear();
+        match self.prune(&snapshot) {
+            // Whoever has committed meanwhile will prune in turn.
+            Err(error) if error.kind() != ErrorKind::Conflict => return Err(error),
+            _ => {}
+        }
         let took = begun.elapsed();
         self.next_commit = Instant::now() + self.interval.max(REST_PER_COMMIT * took);
         Ok(Committed {
@@ -111,9 +202,29 @@ impl OnlineLearner {
         })
     }
 
-    /// Commits another snapshot than the learner's, such as one with poses and edges added to it.
-    pub fn commit_snapshot(&self, snapshot: &Snapshot) -> Result<()> {
-        self.map.replace(snapshot)?;
+    /// Goes on with what is in the file by now, and learns on top of it what is not in it yet.
+    fn refresh(&mut self) -> Result<()> {
+        let newest = self.map.refresh()?;
+        let mut learner = Learner::resume(self.learner.cfg().clone(), Snapshot::clone(&newest))?;
+        for visit in &self.pending {
+            match visit.observe(&mut learner) {
+                // The other process has learnt the same image.
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+                Err(error) => {
+                    tracing::warn!(
+                        "{}: what another process has committed leaves no room for this visit: \
+                         {error}",
+                        visit.source
+                    );
+                }
+                Ok(()) => {}
+            }
+        }
+        self.learner = learner;
+        Ok(())
+    }
+
+    fn prune(&self, snapshot: &Snapshot) -> Result<()> {
         if !self.learner.cfg().budget().is_bounded() || !is_bloated(&self.map, snapshot)? {
             return Ok(());
         }
@@ -141,10 +252,9 @@ fn is_bloated(map: &Map, snapshot: &Snapshot) -> Result<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::feature::{Descriptor, Features, Keypoint};
+    use crate::feature::{Descriptor, Keypoint};
     use crate::learn::{BudgetConfig, GuardConfig, Judge};
-    use crate::map::{MapMeta, PlaceKey, SessionId, derived_uuid};
-    use fremen::Time;
+    use crate::map::{MapMeta, derived_uuid};
 
     /// Some features that last, some of each visit alone.
     fn image(number: u64) -> Features {

@@ -32,9 +32,10 @@ const ROOMS: [(&str, u32); 11] = [
     ("dataset", 8),
 ];
 
-/// What `feature` and `matching` may take from the crate of time: its errors. Vision knows nothing
-/// of time; that time knows nothing of pixels is what makes `fremen` a crate of its own.
-const TIMELESS: [&str; 4] = ["error", "Error", "ErrorKind", "Result"];
+/// What `feature` and `matching` may take from the crate of time: its errors, and how files are
+/// opened. Vision knows nothing of time; that time knows nothing of pixels is what makes `fremen` a
+/// crate of its own.
+const TIMELESS: [&str; 5] = ["error", "Error", "ErrorKind", "Result", "file"];
 const VISION: [&str; 2] = ["feature", "matching"];
 
 /// The room that says what rows mean, and no other, may name the crate that keeps them.

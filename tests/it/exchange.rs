@@ -42,6 +42,14 @@ fn golden(folder: &Path) -> (Snapshot, PathBuf) {
     (snapshot, path)
 }
 
+/// Makes the folder one without a manifest, as another program may have written it.
+fn without_manifest(folder: &Path) {
+    fs::remove_file(folder.join("manifest.csv")).expect("there");
+    let file = folder.join("map.csv");
+    let text = fs::read_to_string(&file).expect("there");
+    fs::write(&file, text.replacen("layout,2", "layout,1", 1)).expect("writable");
+}
+
 #[test]
 fn the_golden_map_comes_back_with_its_digest_and_a_folder_is_never_overwritten() {
     let folder = folder();
@@ -79,8 +87,10 @@ fn the_golden_map_comes_back_with_its_digest_and_a_folder_is_never_overwritten()
 fn what_is_wrong_with_an_exported_folder_is_named() {
     let folder = folder();
     let (_, path) = golden(folder.path());
-    let edits: [(&str, &str, &str, &str); 16] = [
-        ("map.csv", "layout,1", "layout,2", "line 2, column value"),
+    without_manifest(&path);
+    let edits: [(&str, &str, &str, &str); 17] = [
+        ("map.csv", "layout,1", "layout,3", "line 2, column value"),
+        ("map.csv", "layout,1", "layout,2", "has no manifest.csv"),
         ("map.csv", "uuid,", "uuid,x", "line 3, column value"),
         (
             "map.csv",
@@ -151,9 +161,76 @@ fn what_is_wrong_with_an_exported_folder_is_named() {
 }
 
 #[test]
+fn an_exported_folder_is_refused_if_anything_is_not_as_it_was_written() {
+    let folder = folder();
+    let (_, path) = golden(folder.path());
+    let left: Vec<_> = fs::read_dir(folder.path()).expect("readable").collect();
+    assert_eq!(left.len(), 1, "{left:?}");
+    for name in ["keypoints.npy", "visits.csv", "attachments/calibration.bin"] {
+        let file = path.join(name);
+        let whole = fs::read(&file).expect("there");
+        let mut flipped = whole.clone();
+        let last = flipped.len() - 1;
+        flipped[last] ^= 1;
+        fs::write(&file, &flipped).expect("writable");
+        let error = Snapshot::import(&path).expect_err("flipped");
+        assert_eq!(error.kind(), ErrorKind::Checksum, "{error}");
+        fs::write(&file, &whole[..last]).expect("writable");
+        let error = Snapshot::import(&path).expect_err("cut").to_string();
+        assert!(error.contains("manifest.csv says"), "{error}");
+        fs::remove_file(&file).expect("there");
+        let error = Snapshot::import(&path).expect_err("missing");
+        assert_eq!(error.kind(), ErrorKind::NotFound, "{error}");
+        fs::write(&file, whole).expect("writable");
+    }
+    let odd = path.join("attachments/odd.bin");
+    fs::write(&odd, "x").expect("writable");
+    let error = Snapshot::import(&path)
+        .expect_err("one too many")
+        .to_string();
+    assert!(
+        error.contains("odd.bin: this file is not listed"),
+        "{error}"
+    );
+    fs::remove_file(&odd).expect("there");
+    Snapshot::import(&path).expect("whole again");
+    // An export that was killed before the manifest came.
+    fs::remove_file(path.join("manifest.csv")).expect("there");
+    let error = Snapshot::import(&path).expect_err("cut off").to_string();
+    assert!(error.contains("has no manifest.csv"), "{error}");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_exported_folder_has_no_links() {
+    let folder = folder();
+    let (_, path) = golden(folder.path());
+    without_manifest(&path);
+    let link = path.join("attachments/notes.bin");
+    std::os::unix::fs::symlink("/etc/passwd", &link).expect("writable");
+    let error = Snapshot::import(&path).expect_err("a link").to_string();
+    assert!(error.contains("this is a link"), "{error}");
+}
+
+#[test]
+fn what_a_killed_export_left_is_not_in_the_way() {
+    let folder = folder();
+    let (golden, path) = golden(folder.path());
+    fs::rename(&path, folder.path().join(".again.unfinished")).expect("writable");
+    let again = folder.path().join("again");
+    golden.export(&again).expect("nothing is there");
+    assert_eq!(
+        Snapshot::import(&again).expect("whole").digest(),
+        golden.digest()
+    );
+    assert_eq!(fs::read_dir(folder.path()).expect("readable").count(), 1);
+}
+
+#[test]
 fn no_flipped_bit_of_an_exported_folder_panics_or_gives_an_unsound_map() {
     let folder = folder();
     let (_, path) = golden(folder.path());
+    without_manifest(&path);
     let (mut num_refused, mut num_read) = (0, 0);
     for name in [
         "map.csv",

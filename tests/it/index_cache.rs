@@ -347,3 +347,48 @@ fn an_index_cache_is_kept_as_wished() {
         assert_eq!(form.name().parse::<IndexCache>().expect("a name"), form);
     }
 }
+
+#[cfg(unix)]
+#[test]
+fn an_index_cache_has_the_rights_of_its_map_and_is_refused_with_others() {
+    use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
+    let (folder, path, map) = stored(3);
+    let mode = |path: &Path| std::fs::metadata(path).expect("there").mode() & 0o777;
+    let set_mode = |path: &Path, mode| {
+        std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).expect("ours");
+    };
+    // What was read from an index cache has no appearances.
+    let is_read = || {
+        let localizer = Localizer::open(&path, cfg()).expect("opens");
+        localizer.snapshot().nodes[0].visits[0].appearance.is_none()
+    };
+    set_mode(&path, 0o600);
+    assert!(!is_read());
+    let file = index_caches(&path).remove(0);
+    assert_eq!(mode(&file), 0o600, "it tells what the map tells");
+    assert!(is_read());
+    for more in [0o620, 0o602, 0o644] {
+        set_mode(&file, more);
+        assert!(!is_read(), "{more:o}: somebody else may write or read it");
+        assert_eq!(mode(&file), 0o600, "{more:o}: it is made anew");
+        assert!(is_read());
+    }
+    // Another name of a file of ours, and a link to one.
+    let (other, whole) = (
+        folder.path().join("other"),
+        std::fs::read(&file).expect("read"),
+    );
+    std::fs::hard_link(&file, &other).expect("linked");
+    assert!(!is_read());
+    std::fs::write(&other, &whole).expect("written");
+    std::fs::remove_file(&file).expect("removed");
+    std::os::unix::fs::symlink(&other, &file).expect("linked");
+    assert!(!is_read());
+    std::fs::remove_file(&file).expect("removed");
+    assert!(!is_read() && is_read());
+    // Somebody else's, which only the superuser can give away.
+    if chown(&file, Some(12_345), None).is_ok() {
+        assert!(!is_read());
+    }
+    drop(map);
+}

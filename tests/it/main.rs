@@ -10,6 +10,7 @@ mod faulty_disk;
 mod feature;
 #[cfg(feature = "opencv")]
 mod feature_opencv;
+mod files;
 mod guard;
 mod index_cache;
 mod large_map;

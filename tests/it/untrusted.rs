@@ -308,6 +308,11 @@ pub(crate) fn exported_folder(bytes: &[u8]) {
     let folder = folder();
     let path = folder.path().join("out");
     golden().export(&path).expect("new");
+    // Of layout 1: a fuzzer cannot guess a SHA-256.
+    std::fs::remove_file(path.join("manifest.csv")).expect("there");
+    let file = path.join("map.csv");
+    let text = std::fs::read_to_string(&file).expect("there");
+    std::fs::write(&file, text.replacen("layout,2", "layout,1", 1)).expect("writable");
     let name = EXPORTED[usize::from(first) % EXPORTED.len()];
     std::fs::write(path.join(name), bytes).expect("writable");
     if let Ok(snapshot) = Snapshot::import(&path) {

@@ -28,7 +28,7 @@ use super::progress::Progress;
 use super::reading::ReadingArgs;
 use super::warnings::print_held;
 use chronotope::dataset::{Clock, Dataset, Entry, Manifest, Problem, blind_doubt};
-use chronotope::error::{Error, ErrorKind};
+use chronotope::error::{Error, ErrorKind, printable};
 use chronotope::feature::{Extractor, ExtractorConfig, Features, GrayImage, StarBriefConfig};
 use chronotope::learn::{
     Circumstances, ClockPolicy, Judge, KeepAppearances, LearnConfig, Observation, Recipe,
@@ -354,9 +354,7 @@ impl Build {
                 if self.num_known > 0 {
                     eprintln!("{} images were learnt before", self.num_known);
                 }
-                if self.num_held > 0 {
-                    eprintln!("{} visits are held: see above", self.num_held);
-                }
+                self.count_held();
                 let summary = snapshot.summary();
                 out.line(format_args!(
                     "{}: {}, {} appearances kept",
@@ -486,34 +484,27 @@ impl Build {
 
     /// Adds what the dataset knows of places, commits, and gives the map its name.
     fn finish(&mut self) -> Result<Arc<Snapshot>> {
-        let mut snapshot = (*self.learner.snapshot()?).clone();
-        for node in &mut snapshot.nodes {
-            let pose = self.dataset.poses.get(&node.key).copied();
-            if pose.is_some() && node.pose != pose {
-                Arc::make_mut(node).pose = pose;
-            }
-        }
-        // A place without a usable image is not in the map, so its edges are not either.
-        for edge in &self.dataset.edges {
-            let ends = [&edge.from, &edge.to];
-            match ends.into_iter().find(|key| snapshot.find(key).is_none()) {
-                None => {
-                    snapshot.add_edge(edge.clone())?;
-                }
-                Some(missing) => self.problems.push(Problem::new(
-                    format!("edge {} -> {}", edge.from, edge.to),
-                    format!("no image of `{missing}` could be learnt"),
-                )),
-            }
-        }
+        let dataset = &self.dataset;
         // With the reference recipe, what is visible in a new image may change what was visible in
         // an old one; with a budget, something may have been forgotten.
-        self.learner.commit_snapshot(&snapshot)?;
-        let Some(part) = &self.part else {
-            return Ok(self.learner.map().snapshot());
-        };
-        finish(part, &self.out)?;
-        Ok(self.learner.map().snapshot())
+        let committed = (self.learner).commit_with(|snapshot| add_layout(snapshot, dataset))?;
+        // A place without a usable image is not in the map, so its edges are not either.
+        for edge in &dataset.edges {
+            let ends = [&edge.from, &edge.to];
+            let missing = ends
+                .into_iter()
+                .find(|key| committed.snapshot.find(key).is_none());
+            if let Some(missing) = missing {
+                self.problems.push(Problem::new(
+                    format!("edge {} -> {}", edge.from, edge.to),
+                    format!("no image of `{missing}` could be learnt"),
+                ));
+            }
+        }
+        if let Some(part) = &self.part {
+            finish(part, &self.out)?;
+        }
+        Ok(committed.snapshot)
     }
 
     /// Keeps what was learnt, after Ctrl-C.
@@ -564,9 +555,25 @@ impl Build {
         }
     }
 
+    /// Says how many visits are held, and how many there was no room for.
+    fn count_held(&self) {
+        if self.num_held == 0 {
+            return;
+        }
+        let num_kept = self.learner.learner().held().visits().len();
+        eprintln!("{num_kept} visits are held: see above");
+        if num_kept < self.num_held {
+            eprintln!(
+                "warning: {} visits were held in this run, and there is no room for all: the oldest \
+                 are gone, and are judged again if this command is repeated",
+                self.num_held
+            );
+        }
+    }
+
     fn list_problems(&self) {
         for problem in &self.problems {
-            eprintln!("problem: {problem}");
+            eprintln!("problem: {}", printable(&problem.to_string()));
         }
         match self.problems.len() {
             0 => {}
@@ -576,10 +583,35 @@ impl Build {
     }
 }
 
+/// Adds the poses of places and the edges between them, as far as the map has the places.
+fn add_layout(snapshot: &mut Snapshot, dataset: &Dataset) -> chronotope::Result<()> {
+    for node in &mut snapshot.nodes {
+        let pose = dataset.poses.get(&node.key).copied();
+        if pose.is_some() && node.pose != pose {
+            Arc::make_mut(node).pose = pose;
+        }
+    }
+    for edge in &dataset.edges {
+        if [&edge.from, &edge.to]
+            .into_iter()
+            .all(|key| snapshot.find(key).is_some())
+        {
+            snapshot.add_edge(edge.clone())?;
+        }
+    }
+    Ok(())
+}
+
 /// The part of an interrupted build like this one, or a new one.
 fn open_part(part: &Path, meta: MapMeta) -> Result<Map> {
-    if std::fs::symlink_metadata(part).is_err() {
-        return Ok(Map::create(part, meta)?);
+    match std::fs::symlink_metadata(part) {
+        Err(_) => return Ok(Map::create(part, meta)?),
+        // Nothing was ever written to it.
+        Ok(found) if found.is_file() && found.len() == 0 => {
+            std::fs::remove_file(part).map_err(|cause| Error::io(part, cause))?;
+            return Ok(Map::create(part, meta)?);
+        }
+        Ok(_) => {}
     }
     let map = Map::open(part).with_context(|| {
         format!(

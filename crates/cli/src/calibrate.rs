@@ -50,9 +50,13 @@ pub(super) fn run(args: &CalibrateArgs, out: &mut Output) -> Result<Outcome> {
         out.line(format_args!("{name}: calibrated already"))?;
         return Ok(Outcome::Good);
     }
-    let mut next = Snapshot::clone(&snapshot);
-    next.attachments.insert(ATTACHMENT.to_owned(), bytes);
-    let generation = map.commit(&next)?;
+    // Of what another process has committed meanwhile it says nothing, which its key tells.
+    let generation = map.update(|snapshot| {
+        let mut next = Snapshot::clone(snapshot);
+        let bytes = Arc::clone(&bytes);
+        next.attachments.insert(ATTACHMENT.to_owned(), bytes);
+        Ok(next)
+    })?;
     let num_images = calibration.num_images();
     out.line(format_args!(
         "{name}: generation {generation} is calibrated on {num_images} past images"

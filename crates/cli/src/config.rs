@@ -17,6 +17,9 @@ use chronotope::learn::LearnConfig;
 use chronotope::localize::{LocalizerConfig, MotionConfig, Preset};
 use chronotope::map::MapMeta;
 
+/// Bytes of a configuration, at most.
+const MAX_BYTES: u64 = 1 << 20;
+
 /// Everything a file can set.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Config {
@@ -45,9 +48,8 @@ impl Config {
         let Some(path) = file else {
             return Ok(config);
         };
-        let text = std::fs::read_to_string(path).map_err(|cause| {
-            Error::io(path, cause).with_help("--print-config shows what such a file says")
-        })?;
+        let text = fremen::file::read_text(path, MAX_BYTES)
+            .map_err(|error| error.with_help("--print-config shows what such a file says"))?;
         config
             .changed_by(text.trim_start_matches('\u{feff}'))
             .map_err(|error| error.with_path(path))

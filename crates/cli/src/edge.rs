@@ -69,29 +69,44 @@ pub(super) fn run(args: &EdgeArgs, out: &mut Output) -> Result<Outcome> {
     } else {
         Map::open(&args.map)?
     };
-    let mut snapshot = Snapshot::clone(&map.snapshot());
-    let num_before = snapshot.edges.len();
-    match &args.command {
-        EdgeCommand::List { json } => {
-            for edge in &snapshot.edges {
-                if *json {
-                    out.json(&json!(edge))?;
-                } else {
-                    let line = format!("{} -> {}  {}", edge.from, edge.to, edge.name);
-                    out.line(line.trim_end())?;
-                }
+    if let EdgeCommand::List { json } = &args.command {
+        for edge in &map.snapshot().edges {
+            if *json {
+                out.json(&json!(edge))?;
+            } else {
+                let line = format!("{} -> {}  {}", edge.from, edge.to, edge.name);
+                out.line(line.trim_end())?;
             }
-            return Ok(Outcome::Good);
         }
+        return Ok(Outcome::Good);
+    }
+    let mut num_before = 0;
+    let generation = map
+        .update(|snapshot| {
+            num_before = snapshot.edges.len();
+            changed(snapshot, &args.command)
+        })
+        .map_err(|error| error.with_path(&args.map))?;
+    out.line(format_args!(
+        "{}: {} edges, {num_before} before, generation {generation}",
+        args.map.display(),
+        map.snapshot().edges.len()
+    ))?;
+    Ok(Outcome::Good)
+}
+
+/// The map with an edge more or less.
+fn changed(snapshot: &Snapshot, command: &EdgeCommand) -> chronotope::Result<Snapshot> {
+    let mut snapshot = snapshot.clone();
+    let num_before = snapshot.edges.len();
+    match command {
+        EdgeCommand::List { .. } => {}
         EdgeCommand::Add(ends) => {
-            let edge = Edge {
+            snapshot.add_edge(Edge {
                 from: ends.from.clone(),
                 to: ends.to.clone(),
                 name: ends.name.clone().unwrap_or_default(),
-            };
-            snapshot
-                .add_edge(edge)
-                .map_err(|error| error.with_path(&args.map))?;
+            })?;
         }
         EdgeCommand::Remove(ends) => {
             snapshot.edges.retain(|edge| {
@@ -104,17 +119,9 @@ pub(super) fn run(args: &EdgeArgs, out: &mut Output) -> Result<Outcome> {
                     ends.from, ends.to
                 );
                 return Err(Error::new(ErrorKind::NotFound, what)
-                    .with_path(&args.map)
-                    .with_help("`chronotope map edge MAP list` shows all")
-                    .into());
+                    .with_help("`chronotope map edge MAP list` shows all"));
             }
         }
     }
-    let generation = map.commit(&snapshot)?;
-    out.line(format_args!(
-        "{}: {} edges, {num_before} before, generation {generation}",
-        args.map.display(),
-        snapshot.edges.len()
-    ))?;
-    Ok(Outcome::Good)
+    Ok(snapshot)
 }

@@ -121,11 +121,13 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut Output) -> Result<Outcome> {
     let snapshot = map.snapshot();
     let config = Config::read_for(&snapshot.meta, args.config.as_deref())?;
     let ids = args.which.find(&map)?;
-    let mut learner = Learner::resume(config.learn, Snapshot::clone(&snapshot))?;
-    for &id in &ids {
-        learner.accept(id)?;
-    }
-    let generation = map.replace(&*learner.snapshot()?)?;
+    let generation = map.update(|snapshot| {
+        let mut learner = Learner::resume(config.learn.clone(), snapshot.clone())?;
+        for &id in &ids {
+            learner.accept(id)?;
+        }
+        Ok(Snapshot::clone(&*learner.snapshot()?))
+    })?;
     out.line(format_args!(
         "{}: {} visits learnt, generation {generation}",
         map.path().display(),
@@ -137,13 +139,15 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut Output) -> Result<Outcome> {
 pub(super) fn drop_held(args: &DropArgs, out: &mut Output) -> Result<Outcome> {
     let map = Map::open(&args.which.map)?;
     let ids = args.which.find(&map)?;
-    let mut held = held_by(&map)?;
-    for &id in &ids {
-        held.take(id);
-    }
-    let mut snapshot = Snapshot::clone(&map.snapshot());
-    held.attach(&mut snapshot)?;
-    let generation = map.commit(&snapshot)?;
+    let generation = map.update(|snapshot| {
+        let mut snapshot = snapshot.clone();
+        let mut held = Quarantine::of(&snapshot)?;
+        for &id in &ids {
+            held.take(id);
+        }
+        held.attach(&mut snapshot)?;
+        Ok(snapshot)
+    })?;
     out.line(format_args!(
         "{}: {} visits dropped, generation {generation}",
         map.path().display(),
@@ -154,15 +158,19 @@ pub(super) fn drop_held(args: &DropArgs, out: &mut Output) -> Result<Outcome> {
 
 pub(super) fn forget(args: &ForgetArgs, out: &mut Output) -> Result<Outcome> {
     let map = Map::open(&args.map)?;
-    let snapshot = map.snapshot();
-    let session = session_of(&snapshot, &args.session);
-    let (forgotten, num_visits) =
-        forget_session(&snapshot, session).map_err(|error| error.with_path(&args.map))?;
-    let generation = map.replace(&forgotten)?;
+    let session = session_of(&map.snapshot(), &args.session);
+    let (mut num_visits, mut before) = (0, 0);
+    let generation = map
+        .update(|snapshot| {
+            let (forgotten, num_forgotten) = forget_session(snapshot, session)?;
+            (num_visits, before) = (num_forgotten, snapshot.generation);
+            Ok(forgotten)
+        })
+        .map_err(|error| error.with_path(&args.map))?;
     out.line(format_args!(
-        "{}: {num_visits} visits forgotten, generation {generation} (to undo: map rollback --to {})",
+        "{}: {num_visits} visits forgotten, generation {generation} (to undo: map rollback --to \
+         {before})",
         args.map.display(),
-        snapshot.generation
     ))?;
     Ok(Outcome::Good)
 }

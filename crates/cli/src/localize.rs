@@ -18,15 +18,20 @@ use super::reading::{Adjust, ReadingArgs};
 use super::warnings::{print_held, warn_of_time};
 use chronotope::error::Error;
 use chronotope::feature::{LoadOptions, load_mask};
+use chronotope::learn::{BudgetConfig, LearnConfig};
 use chronotope::localize::{
     Candidate, Decision, IndexCache, Localization, Localizer, LocalizerConfig, Method, Preset,
     Score,
 };
-use chronotope::map::{MapMeta, NodeId, PlaceKey};
+use chronotope::map::{Map, MapMeta, NodeId, PlaceKey};
 use chronotope::predict::Selection;
 use chronotope::robot::{Event, Frame, Robot, RobotConfig};
 use chronotope::time::Time;
 use chronotope::trace::{Shot, Stage, TraceConfig, Tracer};
+
+/// All places of a map that learns on take at most so many bytes together, unless `[learn.budget]`
+/// says otherwise.
+const DEFAULT_BUDGET_BYTES: usize = 256 << 20;
 
 /// Say at which place of a map images were taken.
 ///
@@ -80,7 +85,9 @@ pub(super) struct LocalizeArgs {
     #[arg(long, value_name = "N", conflicts_with_all = ["images", "time", "manifest"])]
     camera: Option<u32>,
     /// Learn each located image, as a new visit of its place: the map file grows by generations,
-    /// which `map rollback` can take back. Without this the map is only read.
+    /// which `map rollback` can take back. Its places take at most 256 MiB, unless [learn.budget] of
+    /// --config says otherwise: then what is least useful is forgotten. Without this the map is only
+    /// read.
     #[arg(long)]
     learn: bool,
     /// Take the images as one way, in the order given: what was believed before moves along the
@@ -199,12 +206,24 @@ impl LocalizeArgs {
             cfg = cfg.with_tracking(config.motion);
         }
         if self.learn {
-            cfg = cfg.with_learning_inline(config.learn);
+            cfg = cfg.with_learning_inline(self.bounded(config.learn)?);
         }
         if self.camera.is_none() {
             cfg = cfg.with_recorded_images();
         }
         Ok(cfg)
+    }
+
+    /// What is learnt, within a budget: the configuration's or, if that has none, the default one; a
+    /// map that is larger already does not grow.
+    fn bounded(&self, learn: LearnConfig) -> Result<LearnConfig> {
+        let Some(map) = self.map.as_ref().filter(|_| !learn.budget().is_bounded()) else {
+            return Ok(learn);
+        };
+        let snapshot = Map::open_read_only(map)?.snapshot();
+        let num_bytes: usize = snapshot.nodes.iter().map(|node| node.num_bytes()).sum();
+        let budget = BudgetConfig::default().with_bytes(num_bytes.max(DEFAULT_BUDGET_BYTES));
+        Ok(learn.with_budget(budget)?)
     }
 
     fn change(&self, mut cfg: LocalizerConfig) -> Result<LocalizerConfig> {
@@ -236,7 +255,12 @@ impl LocalizeArgs {
             }
             std::mem::replace(out, Output::stderr())
         } else {
-            Output::file(path)?
+            let others = [&self.map, &self.mask, &self.config.config];
+            let inputs: Vec<&Path> = (others.into_iter().flatten())
+                .chain(&self.images)
+                .map(PathBuf::as_path)
+                .collect();
+            Output::trace(path, &inputs)?
         };
         let path = path.clone();
         let tracer = Tracer::new(TraceConfig::default().with_image_every(self.trace_images));
@@ -310,6 +334,8 @@ struct Guide<'o> {
     top: usize,
     outcome: Outcome,
     is_warned: bool,
+    /// Whether it was said that the map has reached its budget.
+    is_full: bool,
 }
 
 impl<'o> Guide<'o> {
@@ -325,6 +351,7 @@ impl<'o> Guide<'o> {
             top: args.top,
             outcome: Outcome::Good,
             is_warned: false,
+            is_full: false,
         }
     }
 
@@ -439,13 +466,22 @@ impl<'o> Guide<'o> {
                     source,
                     learnt,
                     ..
-                } => tracing::info!(
-                    image = source,
-                    place = place.as_str(),
-                    seen = learnt.num_seen,
-                    born = learnt.num_born,
-                    "learnt"
-                ),
+                } => {
+                    tracing::info!(
+                        image = source,
+                        place = place.as_str(),
+                        seen = learnt.num_seen,
+                        born = learnt.num_born,
+                        "learnt"
+                    );
+                    if learnt.num_forgotten > 0 && !self.is_full {
+                        self.is_full = true;
+                        eprintln!(
+                            "warning: the map has reached its budget: from now on it forgets what is \
+                             least useful ([learn.budget] of --config says how large it may become)"
+                        );
+                    }
+                }
                 Event::NotLearnt { source, error } => eprintln!("not learnt: {source}: {error}"),
                 Event::NotCommitted { error } => eprintln!("not written yet: {error}"),
                 _ => {}
@@ -462,11 +498,17 @@ impl<'o> Guide<'o> {
                 _ => latest,
             });
             let path = self.robot.path().display().to_string();
+            let session = self.robot.session();
             let totals = self.robot.finish()?;
             eprintln!(
                 "learnt: {} visits, {} held; {path} is at generation {generation}",
                 totals.num_learnt, totals.num_quarantined
             );
+            if totals.num_learnt + totals.num_quarantined > 0 {
+                eprintln!(
+                    "to take this run back: chronotope map forget {path} --session {session}"
+                );
+            }
         }
         Ok(self.outcome)
     }

@@ -89,7 +89,7 @@ Examples:
   chronotope map verify street.map
   chronotope map log street.map
   chronotope map held street.map
-  chronotope map merge street.map park.map --out town.map")]
+  chronotope map merge monday.map tuesday.map --out week.map")]
 enum MapCommand {
     Build(build::BuildArgs),
     Update(build::UpdateArgs),

@@ -10,14 +10,17 @@ use super::config::Config;
 use super::new_map;
 use super::outcome::Outcome;
 use super::output::{Output, contents};
-use chronotope::learn;
+use chronotope::error::{Error, ErrorKind};
+use chronotope::learn::{self, LearnConfig};
 use chronotope::map::{Map, Snapshot};
 
 /// Merge maps of the same places into a new one.
 ///
 /// Visits that several maps share are one visit. The order of the maps does not matter, and merging
 /// what was merged already changes nothing. Maps of other images (extractor, size, crop), or that
-/// disagree on where a place is, are refused and the conflicts named.
+/// disagree on where a place is, are refused and the conflicts named; so are maps that have nothing
+/// in common, neither a visit nor a place that looks alike, because equal names may stand for
+/// different places. --disjoint merges them all the same.
 ///
 /// Every feature keeps the history that its own map gave it: two robots' features of one thing stay
 /// two. With --relearn all visits are learnt again instead, as if one robot had made them; that
@@ -26,7 +29,8 @@ use chronotope::map::{Map, Snapshot};
 #[command(after_help = "\
 Examples:
   chronotope map merge monday.map tuesday.map --out week.map
-  chronotope map merge a.map b.map c.map --out fleet.map --relearn")]
+  chronotope map merge a.map b.map c.map --out fleet.map --relearn
+  chronotope map merge street.map park.map --out town.map --disjoint")]
 pub(super) struct MergeArgs {
     /// The map files.
     #[arg(required = true, num_args = 2.., value_name = "MAP")]
@@ -37,6 +41,9 @@ pub(super) struct MergeArgs {
     /// Learn all visits again, in order of time.
     #[arg(long)]
     relearn: bool,
+    /// Merge maps that have nothing in common: of places with different names.
+    #[arg(long)]
+    disjoint: bool,
     /// TOML with the table [learn], for --relearn; a key replaces that of the maps' preset.
     #[arg(long, value_name = "FILE", requires = "relearn")]
     config: Option<PathBuf>,
@@ -60,6 +67,9 @@ pub(super) fn run(args: &MergeArgs, out: &mut Output) -> Result<Outcome> {
         }
     }
     let maps: Vec<&Snapshot> = maps.iter().map(|map| &**map).collect();
+    if !args.disjoint {
+        refuse_strangers(&args.maps, &maps)?;
+    }
     let mut merged = learn::merge(&maps)?;
     if args.relearn {
         let config = Config::read_for(&merged.meta, args.config.as_deref())?;
@@ -74,4 +84,30 @@ pub(super) fn run(args: &MergeArgs, out: &mut Output) -> Result<Outcome> {
     );
     out.line(format_args!("{}: {contents}", args.out.display()))?;
     Ok(Outcome::Good)
+}
+
+/// An error if a map has nothing in common with the first one, also not by way of others.
+fn refuse_strangers(paths: &[PathBuf], maps: &[&Snapshot]) -> Result<()> {
+    let cfg = LearnConfig::default();
+    let (mut related, mut strangers) = (vec![0], (1..maps.len()).collect::<Vec<_>>());
+    let mut next = 0;
+    while let Some(&known) = related.get(next) {
+        let (found, left): (Vec<usize>, Vec<usize>) =
+            (strangers.iter()).partition(|&&at| learn::have_in_common(&cfg, maps[known], maps[at]));
+        related.extend(found);
+        strangers = left;
+        next += 1;
+    }
+    let Some(&stranger) = strangers.first() else {
+        return Ok(());
+    };
+    let message = format!(
+        "this map has nothing in common with {}: no visit, and no place of one name that looks \
+         alike",
+        paths[0].display()
+    );
+    Err(Error::new(ErrorKind::Config, message)
+        .with_path(&paths[stranger])
+        .with_help("--disjoint merges maps of different places")
+        .into())
 }

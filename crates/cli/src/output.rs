@@ -2,11 +2,20 @@
 
 use std::fmt::Display;
 use std::io::{self, Write};
+use std::path::Path;
 
 use anyhow::Result;
+use fremen::error::printable;
+use fremen::file::{OutputFile, OutputKind};
 use serde::Serialize;
 
 use chronotope::map::Summary;
+
+/// A file of traces, as `localize --trace` writes it.
+const TRACE: OutputKind = OutputKind {
+    noun: "a trace",
+    begins: b"{\"schema_version\":",
+};
 
 /// Lines of text or JSON on stdout, or on stderr where stdout carries a trace.
 pub(super) struct Output(Box<dyn Write>);
@@ -20,21 +29,41 @@ impl Output {
         Self(Box::new(io::stderr()))
     }
 
-    /// A new file, for a trace.
-    pub(super) fn file(path: &std::path::Path) -> Result<Self> {
-        let file =
-            std::fs::File::create(path).map_err(|cause| chronotope::Error::io(path, cause))?;
-        Ok(Self(Box::new(io::LineWriter::new(file))))
+    /// A file of traces, in place of an earlier one; it can be followed while it is written.
+    pub(super) fn trace(path: &Path, inputs: &[&Path]) -> Result<Self> {
+        let mut file = OutputFile::replace(path, TRACE, inputs)?;
+        file.publish()?;
+        Ok(Self(Box::new(Followed(file))))
     }
 
-    /// One line, or several without the last line's end.
+    /// One line, or several without the last line's end. Names in it may come from outside, so
+    /// nothing of it reaches a terminal that this would obey; only the ends of lines do.
     pub(super) fn line(&mut self, text: impl Display) -> Result<()> {
-        Ok(writeln!(self.0, "{text}")?)
+        let text = text.to_string();
+        let lines: Vec<_> = text.split('\n').map(printable).collect();
+        Ok(writeln!(self.0, "{}", lines.join("\n"))?)
     }
 
-    /// One line of JSON.
+    /// One line of JSON, which escapes control characters itself.
     pub(super) fn json(&mut self, value: &impl Serialize) -> Result<()> {
-        self.line(serde_json::to_string(value)?)
+        Ok(writeln!(self.0, "{}", serde_json::to_string(value)?)?)
+    }
+}
+
+/// What is written to it is in the file at once.
+struct Followed(OutputFile);
+
+impl Write for Followed {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let num_written = self.0.write(bytes)?;
+        if bytes[..num_written].ends_with(b"\n") {
+            self.0.flush()?;
+        }
+        Ok(num_written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush()
     }
 }
 

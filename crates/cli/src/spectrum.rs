@@ -1,5 +1,6 @@
 //! Which rhythms does a series of 0 and 1 have, and how well do they predict it?
 
+use std::io::Write;
 use std::path::PathBuf;
 
 use anyhow::Result;
@@ -8,9 +9,10 @@ use serde_json::{Value, json};
 
 use super::outcome::Outcome;
 use super::output::Output;
-use super::spectrum_svg::{Picture, times};
+use super::spectrum_svg::{Picture, SVG, times};
 use super::unpacked::unpacked;
 use fremen::Series;
+use fremen::file::OutputFile;
 use fremen::series::{Columns, time_of_cell};
 use fremen::spectrum::{CandidatePeriods, Component, SpectralSums};
 use fremen::time::{TimeUnit, Zone};
@@ -119,6 +121,10 @@ pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
         )
         .into());
     }
+    // Refused before anything is worked out.
+    let svg = (args.svg.as_ref())
+        .map(|path| OutputFile::replace(path, SVG, &[&args.file]))
+        .transpose()?;
     let columns = Columns {
         time: args.time_column.as_deref(),
         state: args.state_column.as_deref(),
@@ -138,7 +144,7 @@ pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
     if args.zone.is_none() {
         note_daylight_saving(&by_clocks)?;
     }
-    analyse(args, &by_clocks, out)
+    analyse(args, &by_clocks, svg, out)
 }
 
 /// Says so if the rhythms move with the clocks of a region.
@@ -186,7 +192,12 @@ fn note_daylight_saving(series: &Series) -> Result<()> {
 }
 
 /// Judges the models, learns and shows; `series` is by the clocks of the zone, if there is one.
-fn analyse(args: &SpectrumArgs, series: &Series, out: &mut Output) -> Result<Outcome> {
+fn analyse(
+    args: &SpectrumArgs,
+    series: &Series,
+    svg: Option<OutputFile>,
+    out: &mut Output,
+) -> Result<Outcome> {
     let base = args.base_s.map_or(Ok(Period::WEEK), Period::from_s)?;
     let candidates = CandidatePeriods::harmonic(base, args.count)?;
     let num_held_out = match series.len() {
@@ -198,7 +209,7 @@ fn analyse(args: &SpectrumArgs, series: &Series, out: &mut Output) -> Result<Out
     let order = (judged.iter())
         .find(|row| row.model == "fremen" && row.is_chosen)
         .map_or(0, |row| row.order);
-    let drawn = match args.svg {
+    let drawn = match svg {
         Some(_) => times(series.states()),
         None => Vec::new(),
     };
@@ -215,7 +226,7 @@ fn analyse(args: &SpectrumArgs, series: &Series, out: &mut Output) -> Result<Out
             )
         })
         .collect();
-    if let Some(path) = &args.svg {
+    if let Some(mut file) = svg {
         let picture = Picture {
             title: args.file.display().to_string(),
             states: series.states(),
@@ -223,7 +234,9 @@ fn analyse(args: &SpectrumArgs, series: &Series, out: &mut Output) -> Result<Out
             curves: curves.iter().map(|(name, p)| (*name, &p[..])).collect(),
             periodogram: &series.periodogram(&candidates)?,
         };
-        std::fs::write(path, picture.svg()).map_err(|cause| Error::io(path, cause))?;
+        file.write_all(picture.svg().as_bytes())
+            .map_err(|cause| Error::io(file.path(), cause))?;
+        file.finish()?;
     }
     if args.json {
         out.json(&as_json(args, series, latest.len(), &judged, &learnt))?;

@@ -6,6 +6,7 @@
 
 use std::fmt::Write as _;
 
+use fremen::file::OutputKind;
 use fremen::spectrum::Periodogram;
 use fremen::{Period, Time};
 
@@ -16,6 +17,13 @@ const RIGHT: f64 = 944.0;
 const NUM_POINTS: i64 = 800;
 /// What a picture can show.
 const MAX_WEEKS: i64 = 2;
+
+/// A file with such a picture.
+pub(super) const SVG: OutputKind = OutputKind {
+    noun: "a picture that this command has drawn",
+    begins: b"<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 960 560\" \
+              font-family=\"sans-serif\" font-size=\"13\" role=\"img\">\n<title>",
+};
 
 /// What is drawn.
 pub(super) struct Picture<'a> {

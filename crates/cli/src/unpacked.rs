@@ -14,7 +14,7 @@ pub(super) fn unpacked(path: &Path) -> Result<Vec<u8>> {
     let source: Box<dyn Read> = if path == Path::new("-") {
         Box::new(std::io::stdin().lock())
     } else {
-        Box::new(std::fs::File::open(path).map_err(fail)?)
+        Box::new(fremen::file::open(path)?)
     };
     let mut source = BufReader::new(source);
     let is_packed = source.fill_buf().map_err(fail)?.starts_with(&[0x1F, 0x8B]);

@@ -4,13 +4,15 @@
 
 use std::path::Path;
 
+use chronotope::error::printable;
 use chronotope::map::{QuarantineReason, Snapshot};
 use chronotope::time::{Period, Time};
 
 /// Says that a visit was not learnt, and why.
 pub(super) fn print_held(source: &str, doubt: &QuarantineReason, map: &Path) {
     eprintln!(
-        "held: {source}: {doubt} (`chronotope map held {}` lists all)",
+        "held: {}: {doubt} (`chronotope map held {}` lists all)",
+        printable(source),
         map.display()
     );
 }

@@ -4,6 +4,7 @@
 //! [`kind`](Error::kind) to branch on, and a message for people that names the file, the place in
 //! it and the remedy, each added by the layer that knows it.
 
+use std::borrow::Cow;
 use std::error::Error as StdError;
 use std::fmt;
 use std::io;
@@ -186,17 +187,39 @@ impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let inner = &self.0;
         if let Some(path) = &inner.path {
-            write!(f, "{}: ", path.display())?;
+            write!(f, "{}: ", printable(&path.to_string_lossy()))?;
         }
         if let Some(place) = &inner.place {
-            write!(f, "{place}: ")?;
+            write!(f, "{}: ", printable(place))?;
         }
-        f.write_str(&inner.message)?;
+        f.write_str(&printable(&inner.message))?;
         if let Some(help) = &inner.help {
-            write!(f, " (help: {help})")?;
+            write!(f, " (help: {})", printable(help))?;
         }
         Ok(())
     }
+}
+
+/// The text with what a terminal would obey instead of showing it, or show in another order or not
+/// at all, written as Rust writes it (`\u{1b}`): names come from outside.
+pub fn printable(text: &str) -> Cow<'_, str> {
+    let is_hidden = |c: char| {
+        c.is_control()
+            || matches!(c, '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}'
+                | '\u{2060}'..='\u{2069}' | '\u{feff}')
+    };
+    if !text.contains(is_hidden) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        if is_hidden(c) {
+            shown.extend(c.escape_default());
+        } else {
+            shown.push(c);
+        }
+    }
+    Cow::Owned(shown)
 }
 
 /// What an error and its causes say, from the outermost inwards, as one line.
@@ -247,6 +270,19 @@ mod tests {
         assert_eq!(describe(&error), error.to_string());
         let full = Error::io(path, io::Error::from(io::ErrorKind::StorageFull));
         assert_eq!(full.kind(), ErrorKind::Io);
+    }
+
+    #[test]
+    fn names_from_outside_do_nothing_to_a_terminal() {
+        let error = Error::new(ErrorKind::Format, "no \u{1b}[2Jimage")
+            .with_path("a\nerror: b\u{202e}gpj.exe")
+            .with_place("place `\u{200b}`");
+        let shown = error.to_string();
+        assert_eq!(
+            shown,
+            "a\\nerror: b\\u{202e}gpj.exe: place `\\u{200b}`: no \\u{1b}[2Jimage"
+        );
+        assert!(matches!(printable("Příkopy 7 \u{1f333}"), Cow::Borrowed(_)));
     }
 
     #[test]

@@ -24,13 +24,14 @@
 //! | room | the question it answers |
 //! |---|---|
 //! | [`error`] | what failed, where, and what helps? |
+//! | [`mod@file`] | how is a file opened that may be hostile, and one written so that nothing is lost? |
 //! | [`time`] | when? |
 //! | [`spectrum`] | which rhythms are in this 0/1 history? |
 //! | [`visibility`] | will it be visible at time t? (many states that share their observation times) |
 //! | [`series`] | when was one state 1, when was it 0, and what follows from that? |
 //!
 //! Each names only those above it. None knows what a state means: there are no pixels, places or
-//! grids here, no threads and no files but CSV.
+//! grids here, no threads, and of the formats of files only CSV.
 //!
 //! # Conventions
 //!
@@ -49,6 +50,7 @@
 //!   autonomy of mobile robots. Robotics and Autonomous Systems (RAS), 2017, online 2016.
 
 pub mod error;
+pub mod file;
 pub mod series;
 pub mod spectrum;
 pub mod time;

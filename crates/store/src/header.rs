@@ -1,12 +1,12 @@
 //! What do the first bytes of a file say it is?
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
-use std::sync::{PoisonError, RwLock, RwLockReadGuard};
+use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use fremen::error::{Error, ErrorKind, Result};
 
+use crate::journal::has_journal;
 use crate::kind::Kind;
 
 /// POSIX drops all locks of a process on a file when any descriptor of that file is closed, so the
@@ -16,6 +16,11 @@ static DESCRIPTORS: RwLock<()> = RwLock::new(());
 /// What a transaction of this process holds.
 pub(crate) fn shared() -> RwLockReadGuard<'static, ()> {
     DESCRIPTORS.read().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What this process holds while it opens a file by other ways than `SQLite`'s.
+pub(crate) fn alone() -> RwLockWriteGuard<'static, ()> {
+    DESCRIPTORS.write().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Looks at a file's first bytes: an error unless it is a whole file of this kind.
@@ -41,19 +46,15 @@ pub(crate) fn peek(kind: &Kind, path: &Path) -> Result<()> {
     }
     let mut header = Vec::new();
     {
-        let _exclusive = DESCRIPTORS.write().unwrap_or_else(PoisonError::into_inner);
-        let file = File::open(path).map_err(io)?;
+        let _alone = alone();
+        let file = fremen::file::open(path)?;
         file.take(100).read_to_end(&mut header).map_err(io)?;
     }
     let (num_pages, page_bytes) =
         check_header(kind, &header).map_err(|error| error.with_path(path))?;
     // While a commit runs the file may be shorter than its header says; once the journal is gone
     // the commit is complete, so the length is read last.
-    let journal = {
-        let mut name = path.as_os_str().to_owned();
-        name.push("-journal");
-        std::fs::metadata(name).is_ok_and(|journal| journal.len() > 0)
-    };
+    let journal = has_journal(path);
     let is_size_valid = word(&header, 24) == word(&header, 92);
     let (whole, found) = (
         u64::from(num_pages) * page_bytes,
@@ -107,6 +108,11 @@ fn check_header(kind: &Kind, header: &[u8]) -> Result<(u32, u64)> {
             format(format!("the {noun} has format 0, which does not exist"))
                 .with_help("the file is damaged: restore a copy"),
         );
+    }
+    if header[18..20] != [1, 1] {
+        let message = format!("the {noun} is in WAL mode, which keeps part of it in other files");
+        return Err(format(message)
+            .with_help("`sqlite3 FILE 'PRAGMA journal_mode=DELETE'` makes one file of it"));
     }
     let page_bytes = match header[16..18] {
         [0, 1] => 65536,

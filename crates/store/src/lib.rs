@@ -8,9 +8,12 @@
 //! [`Table`]s, says what a generation's content is, and reads and writes rows through [`Reader`]
 //! and [`Writer`]. (`chronotope` keeps its maps so; `tests/it` keeps cells with counts.)
 
+mod connection;
 mod fault;
 mod generation;
 mod header;
+mod heal;
+mod journal;
 mod kind;
 mod mapped;
 mod prune;
@@ -20,13 +23,14 @@ mod table;
 mod transaction;
 mod value;
 
+pub use connection::Access;
 pub use fault::{Fault, Faults};
 pub use generation::{Generation, Lineage, Tip, ends};
 pub use kind::Kind;
 pub use mapped::MappedFile;
 pub use row::Row;
 pub use rusqlite::types::ValueRef;
-pub use store::{Access, Store};
+pub use store::Store;
 pub use table::{Holds, Table, row_crc};
-pub use transaction::{Reader, Writer};
+pub use transaction::{Check, Reader, Writer};
 pub use value::{Sink, put_value};

@@ -10,7 +10,6 @@
 use std::fs::File;
 use std::io;
 use std::ops::Deref;
-use std::path::Path;
 
 use memmap2::Mmap;
 
@@ -19,15 +18,14 @@ use memmap2::Mmap;
 pub struct MappedFile(Mmap);
 
 impl MappedFile {
-    /// Maps all of a regular file.
-    pub fn open(path: &Path) -> io::Result<Self> {
-        let file = File::open(path)?;
+    /// Maps all of a regular file; it may be closed afterwards.
+    pub fn of(file: &File) -> io::Result<Self> {
         if !file.metadata()?.is_file() {
             return Err(io::ErrorKind::InvalidInput.into());
         }
         // SAFETY: files that are opened so are written under another name, renamed once whole, and
         // from then on only removed; a mapping outlives both.
-        let mapped = unsafe { Mmap::map(&file) }?;
+        let mapped = unsafe { Mmap::map(file) }?;
         Ok(Self(mapped))
     }
 }
@@ -49,10 +47,10 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("file");
         std::fs::write(&path, b"some bytes").expect("written");
-        let mapped = MappedFile::open(&path).expect("mapped");
+        let mapped = MappedFile::of(&File::open(&path).expect("there")).expect("mapped");
         std::fs::remove_file(&path).expect("removed");
         assert_eq!(&*mapped, b"some bytes");
-        assert!(MappedFile::open(&path).is_err());
-        assert!(MappedFile::open(folder.path()).is_err());
+        let folder = File::open(folder.path()).expect("there");
+        assert!(MappedFile::of(&folder).is_err());
     }
 }

@@ -3,52 +3,37 @@
 //! A [`Store`] is an `SQLite` file with a rollback journal: one file once no commit is running,
 //! opened read-only without writing anything beside it. A commit is one transaction with full
 //! synchronisation, and appends: its cost follows from what is new, not from what is stored. What
-//! an interrupted commit left behind is undone when the file is next opened to be written. One
-//! process writes at a time, any number read; nobody holds a lock between calls.
+//! an interrupted commit left behind is undone when the file is next opened, to be read or written;
+//! where that may not be, it is read past. One process writes at a time, any number read; nobody
+//! holds a lock between calls. A new file is made under another name and renamed, so what bears the
+//! name is whole.
 
 use std::collections::BTreeSet;
-use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use fremen::error::{Error, ErrorKind, Result};
-use rusqlite::{Connection, OpenFlags, Transaction, TransactionBehavior};
+use fremen::file::Unfinished;
+use rusqlite::{Connection, Transaction, TransactionBehavior};
 
+use crate::connection::{Access, connect, connect_image};
 use crate::fault::{Fault, Faults};
 use crate::generation::Tip;
 use crate::header::{peek, shared};
+use crate::heal::{Settled, clear_the_way, settle};
 use crate::kind::Kind;
 use crate::prune;
-use crate::transaction::{Reader, Writer};
-
-/// How long to wait for another process that commits.
-const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
-
-/// What a file is opened for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Access {
-    /// To be read and never changed.
-    ReadOnly,
-    /// To be written where file and folder allow it.
-    ReadWrite,
-}
-
-impl Access {
-    fn flags(self) -> OpenFlags {
-        match self {
-            Self::ReadOnly => OpenFlags::SQLITE_OPEN_READ_ONLY,
-            Self::ReadWrite => OpenFlags::SQLITE_OPEN_READ_WRITE,
-        }
-    }
-}
+use crate::transaction::{Check, Reader, Writer};
 
 /// An open file of generations.
 #[derive(Debug)]
 pub struct Store {
     kind: &'static Kind,
+    check: Check,
     path: PathBuf,
     connection: Connection,
     is_read_only: bool,
+    /// Whether it is read from memory, because what a killed writer left cannot be undone here.
+    is_image: bool,
 }
 
 impl Store {
@@ -58,52 +43,41 @@ impl Store {
         kind: &'static Kind,
         path: &Path,
         page_bytes: u32,
+        check: Check,
         fill: impl FnOnce(&Writer<'_>) -> Result<()>,
     ) -> Result<Self> {
         let noun = kind.noun;
-        File::create_new(path).map_err(|error| {
-            let help = match error.kind() {
-                std::io::ErrorKind::AlreadyExists => format!(
-                    "a {noun} is never overwritten: choose another name, or update the {noun}"
-                ),
-                std::io::ErrorKind::NotFound => "create the folder first".into(),
-                _ => "choose a folder that may be written".into(),
-            };
-            Error::io(path, error).with_help(help)
-        })?;
-        let created = Self::create_in(kind, path, page_bytes, fill);
-        if created.is_err() {
-            // It is ours, and holds nothing yet; that it cannot be removed matters less than why.
-            let _ = std::fs::remove_file(path);
-        }
-        created.map_err(|error| error.with_path(path))
+        let create = || {
+            let unfinished = Unfinished::begin(path).map_err(|error| match error.kind() {
+                ErrorKind::AlreadyExists => {
+                    Error::new(error.kind(), error.message()).with_help(format!(
+                        "a {noun} is never overwritten: choose another name, or update the {noun}"
+                    ))
+                }
+                _ => error,
+            })?;
+            create_in(kind, unfinished.path(), page_bytes, fill)?;
+            clear_the_way(kind, path)?;
+            unfinished.finish()?;
+            let connection = connect(kind, path, Access::ReadWrite)?;
+            Ok(Self {
+                kind,
+                check,
+                path: path.to_path_buf(),
+                connection,
+                is_read_only: false,
+                is_image: false,
+            })
+        };
+        create().map_err(|error: Error| error.with_path(path))
     }
 
-    fn create_in(
-        kind: &'static Kind,
-        path: &Path,
-        page_bytes: u32,
-        fill: impl FnOnce(&Writer<'_>) -> Result<()>,
-    ) -> Result<Self> {
-        let failed = |error: rusqlite::Error| kind.sqlite_error(&error);
-        let mut connection = connect(kind, path, Access::ReadWrite)?;
-        (connection.pragma_update(None, "page_size", page_bytes)).map_err(failed)?;
-        {
-            let _shared = shared();
-            let transaction = connection
-                .transaction_with_behavior(TransactionBehavior::Immediate)
-                .map_err(failed)?;
-            let writer = Writer::new(&transaction, kind);
-            writer.create_tables().map_err(failed)?;
-            fill(&writer)?;
-            transaction.commit().map_err(failed)?;
-        }
-        Ok(Self {
-            kind,
-            path: path.to_path_buf(),
-            connection,
-            is_read_only: false,
-        })
+    /// Gives a file another name, which nothing bears yet, however late that came.
+    pub fn rename(kind: &Kind, from: &Path, to: &Path) -> Result<()> {
+        clear_the_way(kind, to)?;
+        fremen::file::rename_new(from, to)?;
+        fremen::file::sync_folder_of(to);
+        Ok(())
     }
 
     /// Opens a file, checks that it is one of this kind, and gives what `read` finds in it.
@@ -111,14 +85,15 @@ impl Store {
         kind: &'static Kind,
         path: &Path,
         access: Access,
+        check: Check,
         read: impl FnOnce(&Reader<'_>) -> Result<T>,
     ) -> Result<(Self, T)> {
         let open = || {
-            peek(kind, path)?;
-            let mut connection = connect(kind, path, access)?;
-            let is_read_only = connection
-                .is_readonly(c"main")
-                .map_err(|error| kind.sqlite_error(&error))?;
+            let (mut connection, is_image) = settled(kind, path, access, check)?;
+            let is_read_only = is_image
+                || connection
+                    .is_readonly(c"main")
+                    .map_err(|error| kind.sqlite_error(&error))?;
             let found = reading(kind, &mut connection, |reader| {
                 reader.check_schema(&mut Faults::strict(kind))?;
                 if !is_read_only {
@@ -130,9 +105,11 @@ impl Store {
             let path = path.to_path_buf();
             let store = Self {
                 kind,
+                check,
                 path,
                 connection,
                 is_read_only,
+                is_image,
             };
             Ok((store, found))
         };
@@ -143,11 +120,11 @@ impl Store {
     pub fn glance<T>(
         kind: &'static Kind,
         path: &Path,
+        check: Check,
         read: impl FnOnce(&Reader<'_>) -> Result<T>,
     ) -> Result<T> {
         let glance = || {
-            peek(kind, path)?;
-            let mut connection = connect(kind, path, Access::ReadOnly)?;
+            let (mut connection, _) = settled(kind, path, Access::ReadOnly, check)?;
             reading(kind, &mut connection, |reader| {
                 reader.check_schema(&mut Faults::strict(kind))?;
                 read(reader)
@@ -156,20 +133,20 @@ impl Store {
         glance().map_err(|error| error.with_path(path))
     }
 
-    /// Checks a file and changes nothing: `SQLite`'s pages, the declaration of the tables, then
-    /// what `read` checks of the rows; gives what that found and the faults, at most `limit`.
+    /// Checks a file and changes none of its rows: `SQLite`'s pages, the declaration of the tables,
+    /// then what `read` checks of the rows; gives what that found and the faults, at most `limit`.
     ///
     /// An error says that the file is not of this kind at all or cannot be read.
     pub fn verify<T>(
         kind: &'static Kind,
         path: &Path,
         limit: usize,
+        check: Check,
         read: impl FnOnce(&Reader<'_>, &mut Faults) -> Result<Option<T>>,
     ) -> Result<(Option<T>, Vec<Fault>)> {
         let mut faults = Faults::listing(kind, limit);
         let verify = || {
-            peek(kind, path)?;
-            let mut connection = connect(kind, path, Access::ReadOnly)?;
+            let (mut connection, is_image) = settled(kind, path, Access::ReadOnly, check)?;
             let found = reading(kind, &mut connection, |reader| {
                 reader.check_schema(&mut faults)?;
                 if !faults.is_clean() {
@@ -178,7 +155,7 @@ impl Store {
                 reader.check_structure("integrity_check", &mut faults)?;
                 let pages = reader.num_page_bytes()?;
                 let found = std::fs::metadata(path).map_or(pages, |metadata| metadata.len());
-                if found != pages {
+                if found != pages && !is_image {
                     let message = format!("the file has {found} bytes, its pages {pages}");
                     faults.add(Fault::new("file", ErrorKind::Format, message))?;
                 }
@@ -215,7 +192,25 @@ impl Store {
 
     /// Runs `read` in one transaction that changes nothing.
     pub fn read<T>(&mut self, read: impl FnOnce(&Reader<'_>) -> Result<T>) -> Result<T> {
-        reading(self.kind, &mut self.connection, read).map_err(|error| error.with_path(&self.path))
+        let read_it = || {
+            if !self.is_image
+                && let Settled::Image(image) = settle(self.kind, &self.path, self.check)?
+            {
+                let mut connection = connect_image(self.kind, &image)?;
+                return reading(self.kind, &mut connection, read);
+            }
+            reading(self.kind, &mut self.connection, read)
+        };
+        read_it().map_err(|error| error.with_path(&self.path))
+    }
+
+    /// Heals what a writer that was killed meanwhile may have left: `SQLite` would play any
+    /// journal.
+    fn settle(&self) -> Result<()> {
+        if !self.is_read_only {
+            settle(self.kind, &self.path, self.check)?;
+        }
+        Ok(())
     }
 
     /// Commits what `write` writes, if the file still stands at `tip`; a file of an older version
@@ -225,6 +220,7 @@ impl Store {
     pub fn write(&mut self, tip: Tip, write: impl FnOnce(&Writer<'_>) -> Result<()>) -> Result<()> {
         let kind = self.kind;
         let commit = || {
+            self.settle()?;
             let _shared = shared();
             let transaction = begin(kind, self.is_read_only, &mut self.connection, tip)?;
             let writer = Writer::new(&transaction, kind);
@@ -249,6 +245,7 @@ impl Store {
     ) -> Result<Option<(T, usize)>> {
         let kind = self.kind;
         let prune = || {
+            self.settle()?;
             let _shared = shared();
             let transaction = begin(kind, self.is_read_only, &mut self.connection, tip)?;
             let Some(pruned) = prune::prune(&transaction, kind, keep, read, is_same)? else {
@@ -276,22 +273,38 @@ impl Store {
     }
 }
 
-fn connect(kind: &Kind, path: &Path, access: Access) -> Result<Connection> {
-    // An absolute path is never taken for one of SQLite's special names (`:memory:`, `file:...`).
-    let path = std::path::absolute(path).map_err(|error| Error::io(path, error))?;
-    let connect = || {
-        let flags = access.flags() | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-        let connection = Connection::open_with_flags(path, flags)?;
-        connection.busy_timeout(BUSY_TIMEOUT)?;
-        // A file from elsewhere must not run functions by its schema.
-        connection.pragma_update(None, "trusted_schema", false)?;
-        connection.pragma_update(None, "cell_size_check", true)?;
-        // EXTRA also syncs the folder once the journal is gone: a commit that was acknowledged
-        // stays.
-        connection.pragma_update(None, "synchronous", "EXTRA")?;
-        Ok(connection)
-    };
-    connect().map_err(|error: rusqlite::Error| kind.sqlite_error(&error))
+fn create_in(
+    kind: &'static Kind,
+    path: &Path,
+    page_bytes: u32,
+    fill: impl FnOnce(&Writer<'_>) -> Result<()>,
+) -> Result<()> {
+    let failed = |error: rusqlite::Error| kind.sqlite_error(&error);
+    let mut connection = connect(kind, path, Access::ReadWrite)?;
+    (connection.pragma_update(None, "page_size", page_bytes)).map_err(failed)?;
+    let _shared = shared();
+    let transaction = connection
+        .transaction_with_behavior(TransactionBehavior::Immediate)
+        .map_err(failed)?;
+    let writer = Writer::new(&transaction, kind);
+    writer.create_tables().map_err(failed)?;
+    fill(&writer)?;
+    transaction.commit().map_err(failed)
+}
+
+/// A connection to a file of this kind in which no commit is interrupted, and whether it is one to
+/// a copy in memory.
+fn settled(
+    kind: &'static Kind,
+    path: &Path,
+    access: Access,
+    check: Check,
+) -> Result<(Connection, bool)> {
+    peek(kind, path)?;
+    match settle(kind, path, check)? {
+        Settled::File => Ok((connect(kind, path, access)?, false)),
+        Settled::Image(image) => Ok((connect_image(kind, &image)?, true)),
+    }
 }
 
 /// Runs `read` in one transaction that changes nothing.

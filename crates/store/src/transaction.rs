@@ -10,6 +10,10 @@ use crate::kind::Kind;
 use crate::row::{Row, from_sqlite, scan};
 use crate::table::{Table, row_crc};
 
+/// Says whether all rows are what was written, down to the digest of the newest generation. What an
+/// interrupted commit has left is healed only where this holds afterwards.
+pub type Check = fn(&Reader<'_>) -> Result<()>;
+
 /// A transaction that changes nothing.
 #[derive(Debug)]
 pub struct Reader<'a> {

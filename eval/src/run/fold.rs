@@ -207,7 +207,7 @@ fn answer(localizer: &Localizer, sweep: &Sweep, score: Score, size: usize) -> An
     let decision = match (&weighed, score) {
         (Some((shares, off_map)), Score::Likelihood) => {
             let node = NodeId(first[0] as u32);
-            match Decision::by_risk(node, shares[first[0]], *off_map, localizer.cfg().risk()) {
+            match localizer.decide(node, shares, *off_map).0 {
                 Decision::At(_) => results::Decision::At(name(first[0])),
                 Decision::Ambiguous => results::Decision::Ambiguous,
                 _ => results::Decision::Unknown,

@@ -5,9 +5,11 @@
 //! nothing matched is summed up beforehand ([`finalize`](Expectation::finalize)), so that the
 //! evidence of an image costs time for its matches only.
 //!
-//! Cost: 4 logarithms a feature and one addition a feature and reference visit for each prediction;
-//! for each image one addition a match and reference visit, and one exponential a reference visit.
+//! Cost: 4 logarithms a feature and condition, and one addition a feature, condition and reference
+//! visit for each prediction; for each image one addition a match, condition and reference visit,
+//! and an exponential for each pair of condition and reference visit that matters.
 
+use super::conditions::{CONDITIONS, Conditions, USUAL};
 use super::rates::{Calibration, OutlierRatios, Trials};
 use crate::localize::verify::Verified;
 use crate::map::NodeId;
@@ -17,9 +19,10 @@ use crate::predict::{PredictedMap, ReferenceVisits};
 const REPEATABILITY: f64 = 0.8;
 /// How much a reference visit is believed over the model of the single feature.
 const REFERENCE_WEIGHT: f64 = 0.5;
-/// Probabilities of a match stay this far from 0 and 1.
-const MIN_DETECTION: f64 = 0.003;
+/// Probabilities of a match stay below this.
 const MAX_DETECTION: f64 = 0.97;
+/// Terms of a sum that are smaller than the largest by a factor of `exp` of this are left out.
+const NEGLIGIBLE: f64 = 30.0;
 
 /// The log odds of a place of which nothing is remembered.
 pub(in crate::localize) const NO_EVIDENCE: f64 = -1000.0;
@@ -28,24 +31,31 @@ pub(in crate::localize) const NO_EVIDENCE: f64 = -1000.0;
 /// used again.
 #[derive(Clone, Debug, Default)]
 pub(in crate::localize) struct Expectation {
-    /// Log ratio of a missing feature that the reference visit did not see.
-    missing: Vec<f64>,
+    /// Log ratio of a missing feature that the reference visit did not see, under each condition.
+    missing: Vec<Conditions>,
     /// What is added if it is matched.
-    matched: Vec<f64>,
-    /// What is added if the reference visit saw it: missing, matched.
-    seen: Vec<[f64; 2]>,
+    matched: Vec<Conditions>,
+    /// What is added if the reference visit saw it and it is missing.
+    missing_seen: Vec<Conditions>,
+    /// What is added to that if the reference visit saw it and it is matched.
+    matched_seen: Vec<Conditions>,
     /// One bit a reference visit.
     words: Vec<u64>,
     outliers: OutlierRatios,
+    /// What the place scores where it is not.
+    level: f64,
     num_references: usize,
     /// ln of how much each reference visit counts, which is 1 on average; nothing where all count
     /// alike.
     log_weights: Vec<f64>,
     /// So many features take part.
     num_finalized: usize,
-    /// Their sum where all are missing, without what reference visits add.
-    nothing: f64,
-    /// What each reference visit adds where all are missing.
+    /// ln of the prior of each condition, and of their sum where all are missing, without what
+    /// reference visits add.
+    log_prior: Conditions,
+    nothing: Conditions,
+    /// What each reference visit adds where all are missing: those of the first condition, then
+    /// those of the next.
     nothing_seen: Vec<f64>,
 }
 
@@ -80,6 +90,8 @@ impl Expectation {
         similarity: &[f64],
     ) {
         let outliers = calibration.outlier_ratios(node);
+        self.level = calibration.level(node);
+        self.log_prior = calibration.conditions.map(f64::ln);
         if calibration.uses_references {
             self.restart_weighted(num_references, outliers, similarity);
         } else {
@@ -101,7 +113,8 @@ impl Expectation {
         self.outliers = outliers;
         self.missing.clear();
         self.matched.clear();
-        self.seen.clear();
+        self.missing_seen.clear();
+        self.matched_seen.clear();
         self.words.clear();
         self.num_references = num_references;
         let mean = similarity.iter().sum::<f64>() / similarity.len().max(1) as f64;
@@ -135,6 +148,8 @@ impl Expectation {
         visit: u32,
         len: usize,
     ) {
+        self.level = calibration.level(node);
+        self.log_prior = calibration.conditions.map(f64::ln);
         self.restart_alone(calibration.outlier_ratios(node));
         for rank in 0..len {
             let detection = calibration.detection_at(node, strength_score(rank));
@@ -147,33 +162,39 @@ impl Expectation {
     /// Adds the next feature: `detection` is `p_f`, `false_rate` `q_f`, and the reference visits
     /// that saw it.
     pub(super) fn push(&mut self, detection: f64, false_rate: f64, references: u64) {
-        let [missing, matched] = log_ratios(
-            if self.num_references == 0 {
-                detection
-            } else {
-                (1.0 - REFERENCE_WEIGHT) * detection
-            },
-            false_rate,
-        );
-        let unmatched = missing + self.outliers.missing;
-        self.missing.push(unmatched);
-        self.matched.push(matched - unmatched);
+        let has_references = self.num_references > 0;
+        let unseen = if has_references {
+            (1.0 - REFERENCE_WEIGHT) * detection
+        } else {
+            detection
+        };
+        let ratios = CONDITIONS.map(|condition| log_ratios(condition * unseen, false_rate));
+        let missing = ratios.map(|[missing, _]| missing + self.outliers.missing);
+        self.missing.push(missing);
+        let matched = std::array::from_fn(|at| ratios[at][1] - missing[at]);
+        self.matched.push(matched);
         self.words.push(references);
-        if self.num_references > 0 {
-            let by_reference =
-                (1.0 - REFERENCE_WEIGHT) * detection + REFERENCE_WEIGHT * REPEATABILITY;
-            let [missing_seen, matched_seen] = log_ratios(by_reference, false_rate);
-            self.seen
-                .push([missing_seen - missing, matched_seen - matched]);
+        if has_references {
+            let by_reference = unseen + REFERENCE_WEIGHT * REPEATABILITY;
+            let seen = CONDITIONS.map(|condition| log_ratios(condition * by_reference, false_rate));
+            let added = |kind: usize| -> Conditions {
+                std::array::from_fn(|at| seen[at][kind] - ratios[at][kind])
+            };
+            let (missing, matched) = (added(0), added(1));
+            self.missing_seen.push(missing);
+            (self.matched_seen).push(std::array::from_fn(|at| matched[at] - missing[at]));
         }
     }
 
     fn forget_sums(&mut self) {
         self.num_finalized = 0;
-        self.nothing = 0.0;
+        self.nothing = [0.0; CONDITIONS.len()];
         self.nothing_seen.clear();
-        self.nothing_seen.extend_from_slice(&self.log_weights);
-        self.nothing_seen.resize(self.num_references, 0.0);
+        for _ in CONDITIONS {
+            let end = self.nothing_seen.len() + self.num_references;
+            self.nothing_seen.extend_from_slice(&self.log_weights);
+            self.nothing_seen.resize(end, 0.0);
+        }
     }
 
     /// From now on the first `len` features take part: O(features x reference visits), or as much
@@ -184,13 +205,12 @@ impl Expectation {
             self.forget_sums();
         }
         for feature in self.num_finalized..len {
-            self.nothing += self.missing[feature];
-            if self.num_references > 0 {
-                add_to_seeing(
-                    &mut self.nothing_seen,
-                    self.seen[feature][0],
-                    self.words[feature],
-                );
+            add_to(&mut self.nothing, &self.missing[feature]);
+            if let Some(missing) = self.missing_seen.get(feature) {
+                let sums = self.nothing_seen.chunks_exact_mut(self.num_references);
+                for (sums, added) in sums.zip(missing) {
+                    add_to_seeing(sums, *added, self.words[feature]);
+                }
             }
         }
         self.num_finalized = len;
@@ -206,49 +226,90 @@ impl Expectation {
         let hits = hits.gather(self.num_finalized, verified);
         let num_missing = self.num_finalized.saturating_sub(hits.len());
         let num_outliers = verified.num_outliers.min(num_missing);
-        let mut common =
-            self.nothing + num_outliers as f64 * (self.outliers.outlier - self.outliers.missing);
+        let mut common = num_outliers as f64 * (self.outliers.outlier - self.outliers.missing);
         if verified.vote.num_inliers > 0 {
             common += calibration.displacement_log_ratio(verified.vote.median);
         }
-        for &(feature, distance_bits) in hits {
-            common +=
-                self.matched[feature as usize] + calibration.distance_log_ratio(distance_bits);
+        for &(_, distance_bits) in hits {
+            common += calibration.distance_log_ratio(distance_bits);
         }
-        common + self.log_mean_over_references(hits)
+        common + log_sum(&self.log_odds_under(hits, self.log_prior)) - self.level
+    }
+
+    /// The log odds of each condition, with its prior, where these features are found: those that
+    /// depend on the condition.
+    pub(super) fn log_odds_under(
+        &self,
+        hits: &[(u32, u16)],
+        log_prior: Conditions,
+    ) -> Conditions {
+        let mut odds = log_prior;
+        add_to(&mut odds, &self.nothing);
+        for &(feature, _) in hits {
+            add_to(&mut odds, &self.matched[feature as usize]);
+        }
+        if self.num_references > 0 {
+            let means = self.log_mean_over_references(hits);
+            add_to(&mut odds, &means);
+        }
+        odds
+    }
+
+    /// The same for the matches of an image.
+    pub(super) fn log_odds_by_condition(
+        &self,
+        hits: &mut Hits,
+        verified: &Verified<'_>,
+    ) -> Conditions {
+        let hits = hits.gather(self.num_finalized, verified);
+        self.log_odds_under(hits, [0.0; CONDITIONS.len()])
     }
 
     /// The log odds where nothing is matched.
     pub(in crate::localize) fn of_nothing(&self) -> f64 {
-        self.nothing + self.log_mean_over_references(&[])
+        log_sum(&self.log_odds_under(&[], self.log_prior)) - self.level
     }
 
-    /// About how much the match of one feature adds: as if all reference visits weighed alike.
+    /// About how much the match of one feature adds: under usual conditions, and as if all
+    /// reference visits weighed alike.
     pub(in crate::localize) fn worth(&self, feature: usize) -> f64 {
-        let of_witnesses = self.seen.get(feature).map_or(0.0, |[missing, matched]| {
+        let of_references = self.matched_seen.get(feature).map_or(0.0, |added| {
             let share = f64::from(self.words[feature].count_ones()) / self.num_references as f64;
-            share * (matched - missing)
+            share * added[USUAL]
         });
-        self.matched[feature] + of_witnesses
+        self.matched[feature][USUAL] + of_references
     }
 
-    fn log_mean_over_references(&self, hits: &[(u32, u16)]) -> f64 {
-        if self.num_references == 0 {
-            return 0.0;
+    /// Under each condition, ln of the mean over the reference visits.
+    fn log_mean_over_references(&self, hits: &[(u32, u16)]) -> Conditions {
+        let num = self.num_references;
+        let mut means = [0.0; CONDITIONS.len()];
+        for (at, mean) in means.iter_mut().enumerate() {
+            let mut sums = [0.0; ReferenceVisits::MAX_VISITS];
+            let sums = &mut sums[..num];
+            sums.copy_from_slice(&self.nothing_seen[at * num..(at + 1) * num]);
+            for &(feature, _) in hits {
+                let added = self.matched_seen[feature as usize][at];
+                add_to_seeing(sums, added, self.words[feature as usize]);
+            }
+            *mean = log_sum(sums) - (num as f64).ln();
         }
-        let mut sums = [0.0; ReferenceVisits::MAX_VISITS];
-        let sums = &mut sums[..self.num_references];
-        sums.copy_from_slice(&self.nothing_seen);
-        for &(feature, _) in hits {
-            let [missing, matched] = self.seen[feature as usize];
-            add_to_seeing(sums, matched - missing, self.words[feature as usize]);
-        }
-        let mut mean = LogMean::default();
-        for &sum in &*sums {
-            mean.push(sum);
-        }
-        mean.value()
+        means
     }
+}
+
+/// Adds what each condition adds.
+fn add_to(sums: &mut Conditions, added: &Conditions) {
+    for (sum, added) in sums.iter_mut().zip(added) {
+        *sum += added;
+    }
+}
+
+/// `ln(sum of exp)`; terms that do not matter are left out.
+fn log_sum(logs: &[f64]) -> f64 {
+    let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let counted = logs.iter().filter(|log| **log > most - NEGLIGIBLE);
+    most + counted.map(|log| (log - most).exp()).sum::<f64>().ln()
 }
 
 /// What the `rank`-th strongest feature of an appearance scores.
@@ -265,10 +326,14 @@ fn add_to_seeing(sums: &mut [f64], added: f64, word: u64) {
 }
 
 /// Log ratios of a missing and of a matched feature.
+///
+/// A feature that is not detected may still be matched by chance, here as well as at another place,
+/// so the probability of a match here is `1 - (1 - p) (1 - q)`. Where nothing can be detected,
+/// nothing is said.
 fn log_ratios(detection: f64, false_rate: f64) -> [f64; 2] {
-    let p = detection.clamp(MIN_DETECTION, MAX_DETECTION);
-    let q = false_rate;
-    [((1.0 - p) / (1.0 - q)).ln(), (p / q).ln()]
+    let p = detection.min(MAX_DETECTION);
+    let found = 1.0 - (1.0 - p) * (1.0 - false_rate);
+    [(1.0 - p).ln(), (found / false_rate).ln()]
 }
 
 /// `ln(mean of exp)` of what was pushed, without overflow.

@@ -1,9 +1,14 @@
 //! What would past visits have matched, had they been live?
 //!
-//! Past visits are held out, one or a run of them at a time, and matched as if they were live:
-//! their own place is predicted by a model that was fitted without them, and features born in them
-//! do not take part, since a birth is no evidence. By the same procedure every other place is
-//! matched with them.
+//! Past visits are held out and matched as if they were live. What is held out is a whole *run* of
+//! the robot at once, at every place: an image of the field comes at a time at which no place was
+//! seen yet, so a place must not be matched with an image of which it, or the place next to it,
+//! remembers the same minute. Places are predicted by models that were fitted without the run, and
+//! features born in it do not take part, since a birth is no evidence.
+//!
+//! In a map of a single run nothing can be held out. Its images are matched with the places that
+//! they do not show, which says what wrong places look like; what the right one looks like is then
+//! taken from what is usual ([`Calibration::uninformed`](super::rates::Calibration::uninformed)).
 //!
 //! The image of a past visit is its appearance, where that was kept; otherwise it is put together
 //! again from the features that the log says were seen then, with the descriptors they were born
@@ -19,9 +24,10 @@ use rayon::prelude::*;
 use super::expectation::strength_score;
 use super::rates::SIZES;
 use crate::feature::{Features, FeaturesView};
+use crate::localize::neighbours::{MAX_REACH, Neighbours, runs};
 use crate::localize::plan::{Plan, PlannedMap};
 use crate::localize::scratch::Scratch;
-use crate::map::{Node, NodeId};
+use crate::map::{Node, NodeId, Snapshot};
 use crate::matching::{Displacement, Match};
 use crate::predict::Selection;
 use fremen::error::Result;
@@ -30,14 +36,16 @@ use fremen::visibility::BitRow;
 
 /// Visits of at most so many places are held out, evenly spread over the map.
 const MAX_PLACES: usize = 32;
-/// With so many visits or fewer, each is taken out by itself; otherwise runs of them, so that what
-/// is near in time does not vouch for itself.
+/// With so many runs or fewer, each is taken out by itself; otherwise several in a row, so that
+/// what is near in time does not vouch for itself.
 const MAX_SINGLE_FOLDS: usize = 16;
-const NUM_RUNS: usize = 8;
-/// Visits of each run that are matched.
-const IMAGES_PER_RUN: usize = 3;
+const NUM_FOLDS: usize = 8;
+/// Visits of a place in one fold that are matched.
+const IMAGES_PER_FOLD: usize = 3;
 /// Images x places that are matched, about.
-const MAX_TRIALS: usize = 1000;
+const MAX_TRIALS: usize = 4000;
+/// Images that are matched: at least, where a map has many places, and at most.
+const NUM_IMAGES: std::ops::RangeInclusive<usize> = 16..=125;
 /// An image is matched with at most so many other places, evenly spread over the map.
 const MAX_OTHERS: usize = 256;
 /// Appearances of a place that are matched with one image, at most.
@@ -48,7 +56,8 @@ pub(super) const RATE_SIZE: usize = 4;
 /// One past visit, matched as if it were live.
 pub(super) struct HeldOutVisit {
     pub(super) node: usize,
-    fold: usize,
+    /// `None` in a map of one run, of which nothing is held out.
+    fold: Option<usize>,
     time: Time,
     features: Features,
 }
@@ -63,6 +72,8 @@ pub(super) struct Record {
     pub(super) num_references: usize,
     /// How much each of them counts; nothing where all count alike.
     pub(super) similarity: Vec<f64>,
+    /// So many features are predicted at each of [`SIZES`]: more where a place has few visits.
+    pub(super) num_tried: [usize; SIZES.len()],
     /// At each of [`SIZES`].
     pub(super) found: [Found; SIZES.len()],
 }
@@ -107,15 +118,24 @@ impl OutlierCounts {
 pub(super) struct Trial {
     pub(super) visit: usize,
     pub(super) node: usize,
+    /// How many links it is away from the image's own place; `None` if it is far.
+    pub(super) steps: Option<usize>,
     pub(super) records: Vec<Record>,
 }
 
-/// The models of one place without each of its folds.
+/// One place without each fold.
 struct HeldOutPlace {
-    node: usize,
+    /// Its visits in each fold.
     folds: Vec<BitRow>,
-    /// `None` where no visit of the fold is matched.
+    /// Models of the rest; `None` where the fold has no visit of the place, is not needed, or
+    /// leaves nothing.
     plans: Vec<Option<Plan>>,
+}
+
+/// The fold of every visit of every place, and their number: 0 in a map of one run.
+struct Folds {
+    of_visit: Vec<Vec<usize>>,
+    count: usize,
 }
 
 /// Of `count` things, at most `limit`, evenly spread.
@@ -124,61 +144,124 @@ fn spread(count: usize, limit: usize) -> impl Iterator<Item = usize> {
     (0..taken).map(move |i| (2 * i + 1) * count / (2 * taken))
 }
 
+impl Folds {
+    fn of(snapshot: &Snapshot) -> Self {
+        let runs = runs(snapshot);
+        let count = match runs.len() {
+            0 | 1 => 0,
+            few if few <= MAX_SINGLE_FOLDS => few,
+            _ => NUM_FOLDS,
+        };
+        let mut of_visit: Vec<Vec<usize>> = (snapshot.nodes.iter())
+            .map(|node| vec![0; node.visits.len()])
+            .collect();
+        for (index, run) in runs.iter().enumerate() {
+            for stop in run {
+                of_visit[stop.node as usize][stop.visit as usize] = index * count / runs.len();
+            }
+        }
+        Self { of_visit, count }
+    }
+
+    /// Which visits of a place are in each fold.
+    fn masks(&self, node: usize) -> Vec<BitRow> {
+        let of_visit = &self.of_visit[node];
+        let mut masks = vec![BitRow::zeros(of_visit.len()); self.count];
+        if self.count > 0 {
+            for (visit, &fold) in of_visit.iter().enumerate() {
+                masks[fold].set(visit);
+            }
+        }
+        masks
+    }
+}
+
 /// Matches past visits with the places of `plans`.
 pub(super) fn match_held_out(
     map: &PlannedMap,
     plans: &[Arc<Plan>],
+    neighbours: &Neighbours,
 ) -> Result<(Vec<HeldOutVisit>, Vec<Trial>)> {
     let nodes = &map.snapshot.nodes;
-    let mut places: Vec<HeldOutPlace> = spread(nodes.len(), MAX_PLACES)
-        .map(|node| HeldOutPlace::new(&nodes[node], node))
+    let folds = Folds::of(&map.snapshot);
+    let images = held_out_visits(nodes, &folds);
+    let spread_others: Vec<usize> = spread(nodes.len(), MAX_OTHERS).collect();
+    // What each image is matched with: its own place, those around it, and others.
+    let pairs: Vec<Vec<(usize, Option<usize>)>> = (images.iter())
+        .map(|image| {
+            let around = neighbours.around(NodeId(image.node as u32), MAX_REACH);
+            let mut steps: Vec<(usize, Option<usize>)> = (around.into_iter())
+                .map(|(node, steps)| (node.0 as usize, Some(steps)))
+                .chain(Some((image.node, Some(0))))
+                .collect();
+            let near: Vec<usize> = steps.iter().map(|(node, _)| *node).collect();
+            let far = spread_others.iter().filter(|node| !near.contains(node));
+            steps.extend(far.map(|&node| (node, None)));
+            steps.sort_unstable();
+            steps
+        })
         .collect();
-    let held_out = held_out_visits(nodes, &places);
-    places.par_iter_mut().try_for_each(|place| {
-        let is_needed = |fold| (held_out.iter()).any(|it| it.node == place.node && it.fold == fold);
-        let needed: Vec<bool> = (0..place.folds.len()).map(is_needed).collect();
-        place.fit(map, &plans[place.node], &needed)
-    })?;
-    let others: Vec<usize> = spread(nodes.len(), MAX_OTHERS).collect();
-    let trials = (held_out.par_iter().enumerate())
-        .map_init(Scratch::default, |scratch, (index, visit)| {
-            (plans.iter().enumerate())
-                .filter(|(node, _)| visit.node == *node || others.binary_search(node).is_ok())
-                .filter_map(|(node, plan)| {
-                    let own = places
-                        .iter()
-                        .find(|place| place.node == visit.node && visit.node == node);
-                    let plan = match own {
-                        Some(own) => own.plans[visit.fold].as_ref()?,
-                        None => plan,
+    let mut needed = vec![vec![false; folds.count]; nodes.len()];
+    for (image, pairs) in images.iter().zip(&pairs) {
+        if let Some(fold) = image.fold {
+            pairs.iter().for_each(|&(node, _)| needed[node][fold] = true);
+        }
+    }
+    let places: Vec<HeldOutPlace> = (needed.par_iter().enumerate())
+        .map(|(node, needed)| HeldOutPlace::new(map, &plans[node], node, folds.masks(node), needed))
+        .collect::<Result<_>>()?;
+    let trials = (images.par_iter().zip(&pairs).enumerate())
+        .map_init(Scratch::default, |scratch, (index, (image, pairs))| {
+            (pairs.iter())
+                .filter_map(|&(node, steps)| {
+                    let (plan, without) = match image.fold {
+                        // Nothing is left of its own place.
+                        None if node == image.node => return None,
+                        None => (plans[node].as_ref(), None),
+                        Some(fold) if places[node].folds[fold].count_ones() == 0 => {
+                            (plans[node].as_ref(), None)
+                        }
+                        Some(fold) => {
+                            let place = &places[node];
+                            (place.plans[fold].as_ref()?, Some(&place.folds[fold]))
+                        }
                     };
-                    map.attempt(scratch, (index, visit), node, plan, own)
+                    let records = map.attempt(scratch, image, node, plan, without)?;
+                    Some(Trial {
+                        visit: index,
+                        node,
+                        steps,
+                        records,
+                    })
                 })
                 .collect::<Vec<_>>()
         })
         .flatten_iter()
         .collect();
-    Ok((held_out, trials))
+    Ok((images, trials))
 }
 
 /// The visits that are held out.
-fn held_out_visits(nodes: &[Arc<Node>], places: &[HeldOutPlace]) -> Vec<HeldOutVisit> {
+fn held_out_visits(nodes: &[Arc<Node>], folds: &Folds) -> Vec<HeldOutVisit> {
     let mut chosen = Vec::new();
-    for place in places {
-        for (fold, mask) in place.folds.iter().enumerate() {
-            let visits: Vec<usize> = mask.ones().collect();
-            let few = spread(visits.len(), IMAGES_PER_RUN);
-            chosen.extend(few.map(|index| (place.node, fold, visits[index])));
+    for node in spread(nodes.len(), MAX_PLACES) {
+        for fold in 0..folds.count.max(1) {
+            let of_visit = folds.of_visit[node].iter().enumerate();
+            let visits: Vec<usize> = (of_visit.filter(|(_, it)| **it == fold))
+                .map(|(visit, _)| visit)
+                .collect();
+            let few = spread(visits.len(), IMAGES_PER_FOLD);
+            chosen.extend(few.map(|index| (node, fold, visits[index])));
         }
     }
-    let limit = (MAX_TRIALS / nodes.len()).max(MAX_SINGLE_FOLDS);
+    let limit = (MAX_TRIALS / nodes.len()).clamp(*NUM_IMAGES.start(), *NUM_IMAGES.end());
     spread(chosen.len(), limit)
         .map(|index| chosen[index])
         .filter_map(|(node, fold, visit)| {
             let features = image_of(&nodes[node], visit);
             (!features.is_empty()).then(|| HeldOutVisit {
                 node,
-                fold,
+                fold: (folds.count > 0).then_some(fold),
                 time: nodes[node].visits[visit].time,
                 features,
             })
@@ -200,64 +283,53 @@ fn image_of(node: &Node, visit: usize) -> Features {
 }
 
 impl HeldOutPlace {
-    fn new(place: &Node, node: usize) -> Self {
-        let num_visits = place.log.num_visits();
-        let num_folds = match num_visits {
-            0 | 1 => 0,
-            few if few <= MAX_SINGLE_FOLDS => few,
-            _ => NUM_RUNS,
-        };
-        let mut folds = vec![BitRow::zeros(num_visits); num_folds];
-        if num_folds > 0 {
-            for visit in 0..num_visits {
-                folds[visit * num_folds / num_visits].set(visit);
-            }
-        }
-        Self {
-            node,
-            folds,
-            plans: Vec::new(),
-        }
-    }
-
     /// Fits the place without each fold that is needed.
-    fn fit(&mut self, map: &PlannedMap, plan: &Plan, needed: &[bool]) -> Result<()> {
-        let place = &map.snapshot.nodes[self.node];
-        for (fold, &is_needed) in self.folds.iter().zip(needed) {
-            let mut rest = BitRow::zeros(fold.len());
-            (0..fold.len())
-                .filter(|&visit| !fold.get(visit))
-                .for_each(|visit| rest.set(visit));
-            self.plans.push(if is_needed {
-                Some(plan.without(place, &map.cfg, fold, &rest)?)
-            } else {
-                None
-            });
-        }
-        Ok(())
+    fn new(
+        map: &PlannedMap,
+        plan: &Plan,
+        node: usize,
+        folds: Vec<BitRow>,
+        needed: &[bool],
+    ) -> Result<Self> {
+        let place = &map.snapshot.nodes[node];
+        let plans = (folds.iter().zip(needed))
+            .map(|(fold, is_needed)| {
+                let num_left = fold.len() - fold.count_ones();
+                if !is_needed || fold.count_ones() == 0 || num_left == 0 {
+                    return Ok(None);
+                }
+                let mut rest = BitRow::zeros(fold.len());
+                (0..fold.len())
+                    .filter(|&visit| !fold.get(visit))
+                    .for_each(|visit| rest.set(visit));
+                plan.without(place, &map.cfg, fold, &rest).map(Some)
+            })
+            .collect::<Result<_>>()?;
+        Ok(Self { folds, plans })
     }
 }
 
 impl PlannedMap {
-    /// Matches a place with a past visit; `None` if nothing of the place is known without that
-    /// visit.
+    /// Matches a place with a past visit, leaving out features born in the visits `without`; `None`
+    /// if nothing of the place is known then.
     fn attempt(
         &self,
         scratch: &mut Scratch,
-        (index, held_out): (usize, &HeldOutVisit),
+        held_out: &HeldOutVisit,
         node: usize,
         plan: &Plan,
-        own: Option<&HeldOutPlace>,
-    ) -> Option<Trial> {
+        without: Option<&BitRow>,
+    ) -> Option<Vec<Record>> {
         let id = NodeId(node as u32);
         let place = self.snapshot.node(id);
+        let tried = |num_visits| SIZES.map(|n| self.cfg.num_predicted(n, num_visits));
         let most = SIZES[SIZES.len() - 1];
         let mut records = Vec::new();
         match plan {
             Plan::Predicted { model, references } => {
                 // What was born in the held-out visits is left out, so more has to be predicted.
                 let selection =
-                    Selection::at_least_one(if own.is_some() { 2 * most } else { most });
+                    Selection::at_least_one(if without.is_some() { 2 * most } else { most });
                 let predicted = &mut scratch.predicted;
                 self.choose(
                     predicted,
@@ -268,9 +340,7 @@ impl PlannedMap {
                 );
                 let predicted = &scratch.predicted;
                 let is_known = |feature: u32| {
-                    own.is_none_or(|own| {
-                        !own.folds[held_out.fold].get(place.log.birth(feature as usize))
-                    })
+                    without.is_none_or(|fold| !fold.get(place.log.birth(feature as usize)))
                 };
                 let ids: Vec<u32> = (predicted.features().iter().copied())
                     .filter(|&feature| is_known(feature))
@@ -291,7 +361,8 @@ impl PlannedMap {
                     references: words,
                     num_references: references.num_visits(),
                     similarity: predicted.similarity().to_vec(),
-                    found: self.find(scratch, ranked.view(), held_out),
+                    num_tried: tried(references.num_visits()),
+                    found: self.find(scratch, ranked.view(), held_out, references.num_visits()),
                 });
                 scratch.ranked = ranked;
             }
@@ -308,18 +379,15 @@ impl PlannedMap {
                         references: Vec::new(),
                         num_references: 0,
                         similarity: Vec::new(),
-                        found: self.find(scratch, ranked, held_out),
+                        num_tried: SIZES,
+                        found: self.find(scratch, ranked, held_out, usize::MAX),
                     });
                 }
                 scratch.visits = visits;
             }
         }
         records.retain(|record| !record.features.is_empty());
-        (!records.is_empty()).then_some(Trial {
-            visit: index,
-            node,
-            records,
-        })
+        (!records.is_empty()).then_some(records)
     }
 
     /// What matches between a predicted map or appearance and a past visit, at each of [`SIZES`].
@@ -328,13 +396,15 @@ impl PlannedMap {
         scratch: &mut Scratch,
         ranked: FeaturesView<'_>,
         held_out: &HeldOutVisit,
+        num_visits: usize,
     ) -> [Found; SIZES.len()] {
+        let sizes = SIZES.map(|n| self.cfg.num_predicted(n, num_visits));
         let mut all: [Found; SIZES.len()] = Default::default();
         let live = held_out.features.view();
         let Scratch {
             matching, verifier, ..
         } = scratch;
-        (self.matcher).prefixes_into(matching, ranked, live, &SIZES, |size, matches| {
+        (self.matcher).prefixes_into(matching, ranked, live, &sizes, |size, matches| {
             let verified = verifier.verify(self.cfg.vote(), matches, ranked, live);
             let inliers = matches.iter().zip(verified.inliers);
             all[size] = Found {
@@ -353,7 +423,7 @@ impl Record {
     /// How many features were not found, and how many of those have an outlier match.
     pub(super) fn outliers(&self) -> OutlierCounts {
         let found = &self.found[RATE_SIZE];
-        let num_features = self.features.len().min(SIZES[RATE_SIZE]);
+        let num_features = self.features.len().min(self.num_tried[RATE_SIZE]);
         let num_unmatched = num_features.saturating_sub(found.inliers.len());
         OutlierCounts {
             num_unmatched,
@@ -363,7 +433,7 @@ impl Record {
 
     /// Whether each of the first features was found, at one of [`SIZES`].
     pub(super) fn found_at(&self, size: usize) -> impl Iterator<Item = bool> + use<> {
-        let mut found = vec![false; self.features.len().min(SIZES[size])];
+        let mut found = vec![false; self.features.len().min(self.num_tried[size])];
         for inlier in &self.found[size].inliers {
             if let Some(found) = found.get_mut(inlier.map as usize) {
                 *found = true;

@@ -10,19 +10,21 @@
 //! Cost: that of matching the held-out visits. Sums are taken in a fixed order, so the result does
 //! not depend on the number of threads.
 //!
-//! Not for maps of a single visit a place: nothing can be held out, and the values are those of
-//! [`Calibration::uninformed`].
+//! In a map of a single run nothing can be held out; what is learnt then is what wrong places look
+//! like, and the rest is what is usual over many maps ([`Calibration::uninformed`]).
 
 use std::sync::Arc;
 
+use super::conditions::{CONDITIONS, Conditions, learn_conditions};
 use super::curve::Curve;
 use super::expectation::{Expectation, Hits, LogMean};
-use super::held_out::{HeldOutVisit, OutlierCounts, RATE_SIZE, Trial, match_held_out};
+use super::held_out::{Found, OutlierCounts, RATE_SIZE, Record, Trial, match_held_out};
 use super::posterior::{HeldOutScores, PosteriorCalibration, as_evidence, prior_calibration};
 use super::rates::{
     Calibration, DisplacementPrior, FALSE_RATE, FALSE_RATE_PRIOR, MAX_OUTLIER_RATE, SIZES, Trials,
 };
 use crate::localize::config::{Method, Score};
+use crate::localize::neighbours::{MAX_REACH, Neighbours};
 use crate::localize::plan::{Plan, PlannedMap};
 use crate::localize::verify::Verified;
 use crate::map::{Node, NodeId, Reobservation};
@@ -43,6 +45,18 @@ const SMOOTHING_BITS: usize = 3;
 const MIN_DISTANCES: u64 = 50;
 /// Fewer counted displacements say nothing.
 const MIN_DISPLACEMENTS: u64 = 5;
+/// So many features that were looked for at the mean rate are added to those of each place.
+const PLACE_FALSE_RATE_PRIOR: f64 = 300.0;
+/// So many images at the mean level are added to those of each place.
+const LEVEL_PRIOR: f64 = 4.0;
+/// So many distances of the usual ratio are added to those of the map.
+const DISTANCE_PRIOR: f64 = 200.0;
+/// Places of which this share look alike do.
+const ALIKE_SHARE: f64 = 0.25;
+/// What fewer than one in a hundred far places reach by chance is no chance.
+const FAR_SHARE: f64 = 0.99;
+/// So few inliers show nothing, even where there are no far places to compare with.
+const MIN_ALIKE_INLIERS: usize = 20;
 /// The method that keeps every appearance.
 const EVERYTHING: Method = Method::ExperienceAll;
 
@@ -64,39 +78,49 @@ impl Calibration {
                     .collect::<Result<_>>()?,
             ),
         };
-        let (visits, trials) = match_held_out(map, everything.as_ref().unwrap_or(&map.plans))?;
+        calibration.neighbours = Neighbours::of(&map.snapshot);
+        let plans = everything.as_ref().unwrap_or(&map.plans);
+        let (visits, trials) = match_held_out(map, plans, &calibration.neighbours)?;
         calibration.num_images = visits.len();
-        calibration.learn_rates(map, &visits, &trials);
-        calibration.learn_outliers(map.plans.len(), &visits, &trials);
+        calibration.neighbours = calibration.neighbours.with_reach(reach(&trials));
+        calibration.learn_rates(map, &trials);
+        calibration.learn_outliers(map.plans.len(), &trials);
         let seen = Reobservation::of(&map.snapshot)?;
-        calibration.learn_distances(&seen, &visits, &trials);
+        calibration.learn_distances(&seen, &trials);
         calibration.learn_displacement(&seen, map.snapshot.meta.image_size);
         calibration.forget(map.cfg.without());
         let trials = match everything {
             None => trials,
-            Some(_) => match_held_out(map, &map.plans)?.1,
+            Some(_) => match_held_out(map, &map.plans, &calibration.neighbours)?.1,
         };
-        calibration.learn_posteriors(&visits, &trials);
+        calibration.learn_conditions(&trials);
+        calibration.learn_levels(map.plans.len(), &trials);
+        calibration.learn_posteriors(&trials);
         Ok(calibration)
     }
 
-    fn learn_rates(&mut self, map: &PlannedMap, visits: &[HeldOutVisit], trials: &[Trial]) {
+    fn learn_rates(&mut self, map: &PlannedMap, trials: &[Trial]) {
         let mut samples = Vec::new();
         self.false_counts = (map.snapshot.nodes.iter().zip(&map.plans))
             .map(|(node, plan)| no_trials(plan, node))
             .collect();
         let mut all = Trials::default();
+        let mut of_place = vec![Trials::default(); map.plans.len()];
         for trial in trials {
-            let is_own = visits[trial.visit].node == trial.node;
+            let place = self.place_of(trial);
+            if matches!(place, TrialPlace::Alike | TrialPlace::Doubtful) {
+                continue;
+            }
             for record in &trial.records {
                 let found = record.found_at(RATE_SIZE);
                 for (&(feature, score), found) in record.features.iter().zip(found) {
-                    if is_own {
+                    if place == TrialPlace::Own {
                         samples.push((score, found));
                         continue;
                     }
                     let counts = &mut self.false_counts[trial.node][record.hypothesis];
-                    for counts in [&mut counts[feature as usize], &mut all] {
+                    let of_place = &mut of_place[trial.node];
+                    for counts in [&mut counts[feature as usize], of_place, &mut all] {
                         counts.tried += 1;
                         counts.found += u32::from(found);
                     }
@@ -111,10 +135,16 @@ impl Calibration {
         }
         if let Some(curve) = Curve::fit(&mut samples) {
             self.detection = curve;
-            self.repeatability = self.learn_repeatability(map.plans.len(), visits, trials);
+            self.repeatability = self.learn_repeatability(map.plans.len(), trials);
         }
         self.false_rate = (f64::from(all.found) + FALSE_RATE * FALSE_RATE_PRIOR)
             / (f64::from(all.tried) + FALSE_RATE_PRIOR);
+        self.place_false_rates = (of_place.iter())
+            .map(|trials| {
+                let found = f64::from(trials.found) + PLACE_FALSE_RATE_PRIOR * self.false_rate;
+                found / (f64::from(trials.tried) + PLACE_FALSE_RATE_PRIOR)
+            })
+            .collect();
     }
 
     /// For each place, found over expected features, drawn to 1 by [`REPEATABILITY_PRIOR`] expected
@@ -122,13 +152,12 @@ impl Calibration {
     fn learn_repeatability(
         &self,
         num_places: usize,
-        visits: &[HeldOutVisit],
         trials: &[Trial],
     ) -> Vec<f64> {
         let mut found = vec![REPEATABILITY_PRIOR; num_places];
         let mut expected = found.clone();
         for trial in trials {
-            if visits[trial.visit].node != trial.node {
+            if self.place_of(trial) != TrialPlace::Own {
                 continue;
             }
             for record in &trial.records {
@@ -148,33 +177,32 @@ impl Calibration {
     ///
     /// What other places' images show is counted for each place; what its own show, which are few,
     /// for the whole map.
-    fn learn_outliers(&mut self, num_places: usize, visits: &[HeldOutVisit], trials: &[Trial]) {
+    fn learn_outliers(&mut self, num_places: usize, trials: &[Trial]) {
         let [mut of_own, mut of_others] = [OutlierCounts::default(); 2];
         let mut of_place = vec![OutlierCounts::default(); num_places];
         for trial in trials {
-            let is_own = visits[trial.visit].node == trial.node;
-            for record in &trial.records {
-                let counts = record.outliers();
-                if is_own {
-                    of_own += counts;
-                } else {
-                    of_others += counts;
-                    of_place[trial.node] += counts;
+            for counts in trial.records.iter().map(Record::outliers) {
+                match self.place_of(trial) {
+                    TrialPlace::Own => of_own += counts,
+                    TrialPlace::Alike | TrialPlace::Doubtful => {}
+                    TrialPlace::Other => {
+                        of_others += counts;
+                        of_place[trial.node] += counts;
+                    }
                 }
             }
         }
-        let [own, others] =
-            [of_own, of_others].map(|counts| counts.rate(OUTLIER_RATE, MAP_OUTLIER_PRIOR));
-        self.outlier_ratio = own / others;
+        let others = of_others.rate(OUTLIER_RATE, MAP_OUTLIER_PRIOR);
+        self.outlier_ratio = of_own.rate(others, MAP_OUTLIER_PRIOR) / others;
         self.outlier_rates = (of_place.iter())
             .map(|counts| counts.rate(others, OUTLIER_PRIOR).min(MAX_OUTLIER_RATE))
             .collect();
     }
 
-    fn learn_distances(&mut self, seen: &Reobservation, visits: &[HeldOutVisit], trials: &[Trial]) {
+    fn learn_distances(&mut self, seen: &Reobservation, trials: &[Trial]) {
         let mut false_counts = vec![0_u64; 257];
         for trial in trials {
-            if visits[trial.visit].node == trial.node {
+            if self.place_of(trial) != TrialPlace::Other {
                 continue;
             }
             for found in trial
@@ -185,22 +213,21 @@ impl Calibration {
                 false_counts[usize::from(found.distance_bits).min(256)] += 1;
             }
         }
-        let enough = |counts: &[u64]| counts.iter().sum::<u64>() >= MIN_DISTANCES;
-        if !(enough(seen.distances()) && enough(&false_counts)) {
+        let num = |counts: &[u64]| counts.iter().sum::<u64>();
+        let num_counted = num(seen.distances()).min(num(&false_counts));
+        if num_counted < MIN_DISTANCES {
             return;
         }
+        let own = num_counted as f64 / (num_counted as f64 + DISTANCE_PRIOR);
         // Beyond the matching threshold there is nothing to compare, and the ratio stays 1.
         let threshold = usize::from(largest_distance(seen.distances(), &false_counts));
         let (seen, wrong) = (
             smoothed(seen.distances(), threshold),
             smoothed(&false_counts, threshold),
         );
-        for (ratio, (seen, wrong)) in self
-            .distance_log_ratios
-            .iter_mut()
-            .zip(seen.iter().zip(&wrong))
-        {
-            *ratio = (seen / wrong).ln();
+        let ratios = self.distance_log_ratios.iter_mut().take(threshold + 1);
+        for (ratio, (seen, wrong)) in ratios.zip(seen.iter().zip(&wrong)) {
+            *ratio += own * ((seen / wrong).ln() - *ratio);
         }
     }
 
@@ -216,21 +243,21 @@ impl Calibration {
         }
     }
 
-    fn learn_posteriors(&mut self, visits: &[HeldOutVisit], trials: &[Trial]) {
+    fn learn_posteriors(&mut self, trials: &[Trial]) {
         let mut memory = <(Expectation, Hits)>::default();
         for size in 0..SIZES.len() {
             let mut by_score: [Vec<HeldOutScores>; Score::ALL.len()] = Default::default();
             let trials_of_visits = trials.chunk_by(|a, b| a.visit == b.visit);
-            for (visit, trials) in visits.iter().zip(trials_of_visits) {
+            for trials in trials_of_visits {
                 let mut of_visit = Score::ALL.map(|_| HeldOutScores::default());
                 for trial in trials {
-                    let is_own = visit.node == trial.node;
-                    let scores = self.scores(&mut memory, trial, is_own, size);
+                    let scores = self.scores(&mut memory, trial, size);
                     for (known, score) in of_visit.iter_mut().zip(scores) {
-                        if is_own {
-                            known.own = Some(score);
-                        } else {
-                            known.others.push(score);
+                        match self.place_of(trial) {
+                            TrialPlace::Own => known.own = Some(score),
+                            TrialPlace::Alike => known.alike.push(score),
+                            TrialPlace::Doubtful => {}
+                            TrialPlace::Other => known.others.push(score),
                         }
                     }
                 }
@@ -250,7 +277,6 @@ impl Calibration {
         &self,
         (expectation, hits): &mut (Expectation, Hits),
         trial: &Trial,
-        is_own: bool,
         size: usize,
     ) -> [f64; Score::ALL.len()] {
         let (mut count, mut inliers, mut odds) = (0, 0, LogMean::default());
@@ -258,34 +284,9 @@ impl Calibration {
             let found = &record.found[size];
             count = count.max(found.num_matches);
             inliers = inliers.max(found.inliers.len() as u32);
-            let node = NodeId(trial.node as u32);
-            expectation.restart(self, node, record.num_references, &record.similarity);
-            let was_found = record.found_at(RATE_SIZE);
-            for ((rank, &(feature, score)), was_found) in (record.features.iter().enumerate())
-                .take(SIZES[size])
-                .zip(was_found.chain(std::iter::repeat(false)))
-            {
-                // An image's own trial is no evidence about it.
-                let but = Trials {
-                    tried: u32::from(!is_own && rank < SIZES[RATE_SIZE]),
-                    found: u32::from(!is_own && was_found),
-                };
-                let false_rate = self.false_rate_of(node, record.hypothesis, feature as usize, but);
-                let word = record.references.get(rank).copied().unwrap_or(0);
-                expectation.push(self.detection_at(node, score), false_rate, word);
-            }
-            let verified = Verified {
-                matches: &found.inliers,
-                inliers: &vec![true; found.inliers.len()],
-                vote: Vote {
-                    num_inliers: found.inliers.len() as u32,
-                    median: found.displacement,
-                    ..Vote::default()
-                },
-                num_outliers: found.num_outliers(),
-            };
-            expectation.finalize(SIZES[size]);
-            odds.push(expectation.log_odds(self, hits, &verified));
+            self.expect(expectation, trial, record, size);
+            let are_inliers = vec![true; found.inliers.len()];
+            odds.push(expectation.log_odds(self, hits, &verified(found, &are_inliers)));
         }
         Score::ALL.map(|score| match score {
             Score::Count => f64::from(count),
@@ -293,6 +294,134 @@ impl Calibration {
             Score::Likelihood => as_evidence(Score::Likelihood, odds.value()),
         })
     }
+
+    /// What each feature of a record would say at one of [`SIZES`].
+    fn expect(&self, expectation: &mut Expectation, trial: &Trial, record: &Record, size: usize) {
+        let node = NodeId(trial.node as u32);
+        let is_counted = self.place_of(trial) == TrialPlace::Other;
+        expectation.restart(self, node, record.num_references, &record.similarity);
+        let was_found = record.found_at(RATE_SIZE);
+        for ((rank, &(feature, score)), was_found) in (record.features.iter().enumerate())
+            .take(record.num_tried[size])
+            .zip(was_found.chain(std::iter::repeat(false)))
+        {
+            // An image's own trial is no evidence about it.
+            let but = Trials {
+                tried: u32::from(is_counted && rank < record.num_tried[RATE_SIZE]),
+                found: u32::from(is_counted && was_found),
+            };
+            let false_rate = self.false_rate_of(node, record.hypothesis, feature as usize, but);
+            let word = record.references.get(rank).copied().unwrap_or(0);
+            expectation.push(self.detection_at(node, score), false_rate, word);
+        }
+        expectation.finalize(record.num_tried[size]);
+    }
+
+    /// What each place scores in images that do not show it, drawn to the mean over all places.
+    fn learn_levels(&mut self, num_places: usize, trials: &[Trial]) {
+        let mut memory = <(Expectation, Hits)>::default();
+        let mut of_place = vec![(0.0, 0.0); num_places];
+        let [mut sum, mut count] = [0.0; 2];
+        for trial in trials.iter().filter(|it| self.place_of(it) == TrialPlace::Other) {
+            let [.., odds] = self.scores(&mut memory, trial, RATE_SIZE);
+            let of_place = &mut of_place[trial.node];
+            *of_place = (of_place.0 + odds, of_place.1 + 1.0);
+            sum += odds;
+            count += 1.0;
+        }
+        if count > 0.0 {
+            let mean = sum / count;
+            let level = |(sum, count): (f64, f64)| {
+                (sum + LEVEL_PRIOR * mean) / (count + LEVEL_PRIOR)
+            };
+            self.levels = of_place.into_iter().map(level).collect();
+        }
+    }
+
+    /// Under which conditions the held-out images show their own place.
+    fn learn_conditions(&mut self, trials: &[Trial]) {
+        let (mut expectation, mut hits) = <(Expectation, Hits)>::default();
+        let of_own = trials.iter().filter(|it| self.place_of(it) == TrialPlace::Own);
+        let images: Vec<Conditions> = of_own
+            .map(|trial| {
+                let mut most = [f64::NEG_INFINITY; CONDITIONS.len()];
+                for record in &trial.records {
+                    let found = &record.found[RATE_SIZE];
+                    self.expect(&mut expectation, trial, record, RATE_SIZE);
+                    let are_inliers = vec![true; found.inliers.len()];
+                    let verified = verified(found, &are_inliers);
+                    let logs = expectation.log_odds_by_condition(&mut hits, &verified);
+                    for (most, log) in most.iter_mut().zip(logs) {
+                        *most = log.max(*most);
+                    }
+                }
+                most
+            })
+            .collect();
+        self.conditions = learn_conditions(&images);
+    }
+
+    /// What a trial's place is to its image.
+    fn place_of(&self, trial: &Trial) -> TrialPlace {
+        match trial.steps {
+            Some(0) => TrialPlace::Own,
+            Some(steps) if steps <= self.neighbours.reach() => TrialPlace::Alike,
+            // Where places look alike, those a little farther on still share some features.
+            Some(_) if self.neighbours.reach() > 0 => TrialPlace::Doubtful,
+            _ => TrialPlace::Other,
+        }
+    }
+}
+
+/// What a place is to an image that it is matched with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum TrialPlace {
+    /// The image shows it.
+    Own,
+    /// The image shows a part of it, from next to it.
+    Alike,
+    /// It is not far, and the image may show a little of it: no evidence of anything.
+    Doubtful,
+    /// The image shows another place.
+    Other,
+}
+
+/// What was found, as if it had been verified just now.
+fn verified<'a>(found: &'a Found, are_inliers: &'a [bool]) -> Verified<'a> {
+    Verified {
+        matches: &found.inliers,
+        inliers: are_inliers,
+        vote: Vote {
+            num_inliers: found.inliers.len() as u32,
+            median: found.displacement,
+            ..Vote::default()
+        },
+        num_outliers: found.num_outliers(),
+    }
+}
+
+/// How many links apart places still look alike: as far as at least [`ALIKE_SHARE`] of them have
+/// more inliers in each other's images than [`FAR_SHARE`] of those that are far apart.
+fn reach(trials: &[Trial]) -> usize {
+    let inliers = |trial: &Trial| {
+        let of = |record: &Record| record.found[SIZES.len() - 1].inliers.len();
+        trial.records.iter().map(of).max().unwrap_or(0)
+    };
+    let mut far: Vec<usize> = (trials.iter().filter(|it| it.steps.is_none()))
+        .map(inliers)
+        .collect();
+    far.sort_unstable();
+    let of_far = far.get((far.len() as f64 * FAR_SHARE) as usize).copied();
+    let least = of_far.unwrap_or(0).max(MIN_ALIKE_INLIERS);
+    (1..=MAX_REACH)
+        .take_while(|&steps| {
+            let at: Vec<usize> = (trials.iter().filter(|it| it.steps == Some(steps)))
+                .map(inliers)
+                .collect();
+            let num_alike = at.iter().filter(|inliers| **inliers > least).count();
+            !at.is_empty() && num_alike as f64 >= ALIKE_SHARE * at.len() as f64
+        })
+        .count()
 }
 
 /// No trials, of each feature of each hypothesis.

@@ -32,6 +32,7 @@
 //! (Churchill & Newman 2013) and of FAB-MAP's place models (Cummins & Newman 2008).
 
 mod attachment;
+mod conditions;
 mod curve;
 mod expectation;
 mod held_out;

@@ -13,17 +13,27 @@
 //! with the prior probability `e` of being nowhere in a map of N places, and `m` the mean score of
 //! all places but the best: what this image scores at places that it does not show. The three
 //! weights minimise the log loss over held-out images, each of which counts as two cases: with its
-//! place in the map (the answer is the place) and without it (the answer is off the map), both with
-//! e = 1/2. That loss is convex; a weak normal prior keeps its minimum finite where there are few
-//! images. (Multinomial logistic regression; with `scale` alone it is temperature scaling, Guo et
-//! al. 2017.)
+//! place in the map and without it, both with e = 1/2. In the first case the right answer is the
+//! place or one that looks alike because it is next to it; in the second, which leaves these out
+//! too, it is off the map. (Multinomial logistic regression; with `scale` alone it is temperature
+//! scaling, Guo et al. 2017.)
+//!
+//! Which of the places that look alike it is, is another question, and an image says less about it
+//! than about the whole neighbourhood of the best place: there its probability is shared out anew,
+//! by `exp(near * scale * x_l)` ([`share_near`](PosteriorCalibration::share_near)).
+//!
+//! All four weights are drawn to what is usual over many maps by a normal prior, whose widths are
+//! the spread between those maps: a map of one visit has the usual weights, one of a thousand its
+//! own, and each image that is held out moves them a little.
 
 use serde::{Deserialize, Serialize};
 
 use crate::localize::config::Score;
 
-/// Log odds do not enter the posterior beyond this.
-const MAX_LOG_ODDS: f64 = 60.0;
+/// Log odds beyond this enter the posterior by a quarter: features are not independent, but of two
+/// places that are both beyond all doubt the better one is still the better one.
+const LARGE_LOG_ODDS: f64 = 60.0;
+const SLOPE_BEYOND: f64 = 0.25;
 
 /// How much a score is worth as evidence (temperature scaling with a bias and a level).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,6 +44,8 @@ pub struct PosteriorCalibration {
     pub bias: f64,
     /// Nats of evidence for being off the map, a unit of what the other places score.
     pub level: f64,
+    /// How much of the evidence tells places that look alike apart.
+    pub near: f64,
 }
 
 /// The scores of one held-out image.
@@ -41,35 +53,52 @@ pub struct PosteriorCalibration {
 pub(super) struct HeldOutScores {
     /// Of its own place; `None` if it was not matched with it.
     pub(super) own: Option<f64>,
+    /// Of the places next to it that look alike.
+    pub(super) alike: Vec<f64>,
     /// Of the other places.
     pub(super) others: Vec<f64>,
 }
 
-/// A held-out image with its place in the map, or without: what the three weights are fitted to.
+/// A held-out image with its place in the map, or without: what the weights are fitted to.
 struct Case {
+    /// The right places' first.
     scores: Vec<f64>,
     level: f64,
-    /// The right place's score; `None` for off the map.
-    right: Option<f64>,
+    /// How many of the scores are of right places; 0 for off the map.
+    num_right: usize,
+    /// How much it counts.
+    weight: f64,
 }
 
 impl Case {
-    /// With the image's place in the map, and without.
-    fn both(held_out: &HeldOutScores) -> impl Iterator<Item = Self> {
-        let with_own = held_out.own.map(|own| {
-            let scores = (held_out.others.iter().copied().chain(Some(own))).collect();
-            Self::new(scores, Some(own))
+    /// Each image with its place in the map, and without.
+    ///
+    /// Images without a right answer are weighed so that they do not outnumber those with one by
+    /// more than [`SPARE_CASES`]: to be off the map would else be the answer that costs least. (In
+    /// a map of one run nothing is left of an image's own place; the places next to it, of the same
+    /// minute, are matched far better than any image of the field, and are no right answer.)
+    fn of(held_out: &[HeldOutScores]) -> Vec<Self> {
+        let num_right = |it: &HeldOutScores| it.own.map_or(0, |_| 1 + it.alike.len());
+        let num_inside = held_out.iter().filter(|it| num_right(it) > 0).count();
+        let weight = (num_inside as f64 + SPARE_CASES) / held_out.len().max(1) as f64;
+        let cases = held_out.iter().flat_map(|it| {
+            let inside = (num_right(it) > 0).then(|| {
+                let right = it.own.iter().chain(&it.alike);
+                let scores = right.chain(&it.others).copied().collect();
+                Self::new(scores, num_right(it), 1.0)
+            });
+            let outside = Self::new(it.others.clone(), 0, weight.min(1.0));
+            inside.into_iter().chain(Some(outside))
         });
-        with_own
-            .into_iter()
-            .chain(Some(Self::new(held_out.others.clone(), None)))
+        cases.collect()
     }
 
-    fn new(scores: Vec<f64>, right: Option<f64>) -> Self {
+    fn new(scores: Vec<f64>, num_right: usize, weight: f64) -> Self {
         Self {
             level: level(&scores),
             scores,
-            right,
+            num_right,
+            weight,
         }
     }
 
@@ -79,6 +108,15 @@ impl Case {
         (self.scores.iter())
             .map(move |score| calibration.scale * score - log_n)
             .chain(Some(calibration.bias + calibration.level * self.level))
+    }
+
+    /// Those of the right answers.
+    fn right_logs(&self, calibration: PosteriorCalibration) -> impl Iterator<Item = f64> + Clone {
+        let right = match self.num_right {
+            0 => self.scores.len()..self.scores.len() + 1,
+            num => 0..num,
+        };
+        (self.logs(calibration).skip(right.start)).take(right.len())
     }
 }
 
@@ -94,20 +132,20 @@ fn level(scores: &[f64]) -> f64 {
 impl PosteriorCalibration {
     /// Fits `held_out`, starting from (and drawn to) `prior`.
     pub(super) fn fit(held_out: &[HeldOutScores], prior: Self) -> Self {
-        let cases: Vec<Case> = held_out.iter().flat_map(Case::both).collect();
+        let cases = Case::of(held_out);
         let mut fitted = prior;
         let mut loss = fitted.loss(&cases, prior);
         for _ in 0..50 {
             let (gradient, hessian) = fitted.derivatives(&cases, prior);
             let step = solve(hessian, gradient);
-            // Newton's step, halved until the loss falls: it is convex, so this ends at its
-            // minimum.
+            // Newton's step, halved until the loss falls.
             let mut share = 1.0;
             let improved = loop {
                 let next = Self {
                     scale: (fitted.scale - share * step[0]).max(1e-4),
                     bias: fitted.bias - share * step[1],
                     level: fitted.level - share * step[2],
+                    near: fitted.near,
                 };
                 let next_loss = next.loss(&cases, prior);
                 if next_loss < loss - 1e-12 {
@@ -123,6 +161,7 @@ impl PosteriorCalibration {
                 None => break,
             }
         }
+        fitted.near = near(held_out, fitted.scale, prior.near);
         fitted
     }
 
@@ -150,10 +189,26 @@ impl PosteriorCalibration {
         (of_off_map - most).exp() / total
     }
 
-    /// How far each weight is from the prior, in its widths.
+    /// Shares the probability of places that look alike out anew: `members`, positions in `scores`
+    /// and `posterior`, are the best place and those around it.
+    pub(in crate::localize) fn share_near(
+        self,
+        scores: &[f64],
+        members: impl Iterator<Item = usize> + Clone,
+        posterior: &mut [f64],
+    ) {
+        let total: f64 = members.clone().map(|at| posterior[at]).sum();
+        let log = |at: usize| self.near * self.scale * scores[at];
+        let all = log_sum_exp(members.clone().map(log));
+        for at in members {
+            posterior[at] = total * (log(at) - all).exp();
+        }
+    }
+
+    /// How far each weight is from the prior, and its width.
     fn off(self, prior: Self) -> [(f64, f64); 3] {
         [
-            (self.scale - prior.scale, prior.scale),
+            (self.scale - prior.scale, SCALE_WIDTH * prior.scale),
             (self.bias - prior.bias, BIAS_WIDTH),
             (self.level - prior.level, LEVEL_WIDTH),
         ]
@@ -164,15 +219,13 @@ impl PosteriorCalibration {
             .map(|(by, width)| 0.5 * (by / width).powi(2))
             .sum();
         cases.iter().fold(drawn, |loss, case| {
-            let right = match case.right {
-                Some(own) => self.scale * own - (case.scores.len() as f64).ln(),
-                None => self.bias + self.level * case.level,
-            };
-            loss + log_sum_exp(case.logs(self)) - right
+            loss + case.weight
+                * (log_sum_exp(case.logs(self)) - log_sum_exp(case.right_logs(self)))
         })
     }
 
-    /// Gradient and Hessian of the loss.
+    /// Gradient of the loss, and the Hessian without what several right answers take from it: no
+    /// smaller than the whole one, so that Newton's step goes downhill where the loss is not convex.
     fn derivatives(self, cases: &[Case], prior: Self) -> ([f64; 3], [[f64; 3]; 3]) {
         let mut gradient = [0.0; 3];
         let mut hessian = [[0.0; 3]; 3];
@@ -188,7 +241,7 @@ impl PosteriorCalibration {
                 .chain(Some(of_off_map));
             let mut mean = [0.0; 3];
             for (log, what) in case.logs(self).zip(what) {
-                let share = (log - total).exp();
+                let share = case.weight * (log - total).exp();
                 for i in 0..3 {
                     mean[i] += share * what[i];
                     for j in 0..3 {
@@ -196,11 +249,17 @@ impl PosteriorCalibration {
                     }
                 }
             }
-            let right = case.right.map_or(of_off_map, |own| [own, 0.0, 0.0]);
+            let mut right = of_off_map;
+            if case.num_right > 0 {
+                let total = log_sum_exp(case.right_logs(self));
+                let shares = case.right_logs(self).map(|log| (log - total).exp());
+                right = [0.0; 3];
+                right[0] = (shares.zip(&case.scores).map(|(share, score)| share * score)).sum();
+            }
             for i in 0..3 {
-                gradient[i] += mean[i] - right[i];
+                gradient[i] += mean[i] - case.weight * right[i];
                 for j in 0..3 {
-                    hessian[i][j] -= mean[i] * mean[j];
+                    hessian[i][j] -= mean[i] * mean[j] / case.weight;
                 }
             }
         }
@@ -212,22 +271,34 @@ impl PosteriorCalibration {
 pub(in crate::localize) fn as_evidence(score: Score, value: f64) -> f64 {
     match score {
         Score::Count | Score::Inliers => value,
-        Score::Likelihood => value.clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS),
+        Score::Likelihood if value > LARGE_LOG_ODDS => {
+            LARGE_LOG_ODDS + SLOPE_BEYOND * (value - LARGE_LOG_ODDS)
+        }
+        Score::Likelihood => value.max(-LARGE_LOG_ODDS),
     }
 }
 
-/// What a score is taken to be worth before anything is learnt.
+/// What a score is usually worth: chosen so that maps of one visit of the development sets, each
+/// visit in turn, accept at most about 3 % of the images of another set (eval/METHODOLOGY.md).
 pub(super) fn prior_calibration(score: Score) -> PosteriorCalibration {
     match score {
-        Score::Count | Score::Inliers => PosteriorCalibration {
+        Score::Count => PosteriorCalibration {
             scale: 0.5,
             bias: 2.0,
             level: 0.0,
+            near: NEAR,
+        },
+        Score::Inliers => PosteriorCalibration {
+            scale: 0.8,
+            bias: 4.0,
+            level: 0.0,
+            near: NEAR,
         },
         Score::Likelihood => PosteriorCalibration {
-            scale: 0.5,
-            bias: 1.0,
+            scale: 1.5,
+            bias: 3.5,
             level: 0.0,
+            near: NEAR,
         },
     }
 }
@@ -253,8 +324,42 @@ fn solve(mut a: [[f64; 3]; 3], mut b: [f64; 3]) -> [f64; 3] {
     b
 }
 
-/// Standard deviations of bias and level before anything is learnt.
-const BIAS_WIDTH: f64 = 3.0;
+/// The usual worth of evidence between places that look alike, and the factor within which it is in
+/// two maps out of three.
+const NEAR: f64 = 0.3;
+const NEAR_SPREAD: f64 = 3.0;
+
+/// What part of the evidence tells places that look alike apart: the `near` of the least log loss
+/// over held-out images, by golden section in its logarithm.
+fn near(held_out: &[HeldOutScores], scale: f64, usual: f64) -> f64 {
+    let loss = |log_near: f64| {
+        let near = log_near.exp();
+        let drawn = 0.5 * ((log_near - usual.ln()) / NEAR_SPREAD.ln()).powi(2);
+        (held_out.iter().filter(|it| !it.alike.is_empty())).fold(drawn, |loss, it| {
+            let Some(own) = it.own else { return loss };
+            let log = |score: f64| near * scale * score;
+            let all = std::iter::once(own).chain(it.alike.iter().copied());
+            loss + log_sum_exp(all.map(log)) - log(own)
+        })
+    };
+    let golden = (5.0_f64.sqrt() - 1.0) / 2.0;
+    let (mut low, mut high) = (0.01_f64.ln(), 0.0);
+    while high - low > 1e-3 {
+        let step = golden * (high - low);
+        if loss(high - step) < loss(low + step) {
+            high = low + step;
+        } else {
+            low = high - step;
+        }
+    }
+    (0.5 * (low + high)).exp()
+}
+
+/// So many images off the map count although there are none with a right answer.
+const SPARE_CASES: f64 = 2.0;
+/// Standard deviation of the scale, in units of the usual one; of bias and level.
+const SCALE_WIDTH: f64 = 0.3;
+const BIAS_WIDTH: f64 = 1.0;
 const LEVEL_WIDTH: f64 = 0.5;
 
 /// `ln(sum of exp)` without overflow; minus infinity for nothing.

@@ -17,15 +17,17 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use super::conditions::{Conditions, PRIOR};
 use super::curve::Curve;
 use super::posterior::{PosteriorCalibration, prior_calibration};
 use crate::feature::FeaturesView;
 use crate::localize::config::{EvidencePart, Score};
+use crate::localize::neighbours::Neighbours;
 use crate::map::{NodeId, Snapshot};
 use crate::matching::Displacement;
 
 /// So many trials at the mean rate are added to those of each feature.
-pub(super) const FALSE_RATE_PRIOR: f64 = 20.0;
+pub(super) const FALSE_RATE_PRIOR: f64 = 100.0;
 /// The rate of false matches while nothing is known.
 pub(super) const FALSE_RATE: f64 = 0.01;
 const FALSE_RATES: std::ops::RangeInclusive<f64> = 0.001..=0.9;
@@ -39,9 +41,15 @@ pub(super) const SIZES: [usize; 7] = [10, 20, 30, 50, 100, 200, 300];
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     pub(super) detection: Curve,
+    /// How often each of the conditions is met under which images are taken.
+    pub(super) conditions: Conditions,
     /// How much more often than that features of each place are found.
     pub(super) repeatability: Vec<f64>,
     pub(super) false_rate: f64,
+    /// The same at each place, drawn to the mean over all of them.
+    pub(super) place_false_rates: Vec<f64>,
+    /// What each place scores in images that do not show it, on average.
+    pub(super) levels: Vec<f64>,
     /// Of each place and hypothesis (its predicted map, or each visit): trials of each feature.
     pub(super) false_counts: Vec<Vec<Vec<Trials>>>,
     /// How often a feature that is not found has an outlier match, at each place in images of
@@ -60,6 +68,8 @@ pub struct Calibration {
     #[serde(rename = "tempers")]
     pub(super) posteriors: [[PosteriorCalibration; SIZES.len()]; Score::ALL.len()],
     pub(super) num_images: usize,
+    /// Which places may share an answer.
+    pub(in crate::localize) neighbours: Neighbours,
 }
 
 /// How often a feature was looked for where it is not, and found.
@@ -119,8 +129,11 @@ impl Calibration {
     pub fn uninformed() -> Self {
         Self {
             detection: Curve::constant(0.3),
+            conditions: PRIOR,
             repeatability: Vec::new(),
             false_rate: FALSE_RATE,
+            place_false_rates: Vec::new(),
+            levels: Vec::new(),
             false_counts: Vec::new(),
             outlier_rates: Vec::new(),
             outlier_ratio: 1.0,
@@ -129,6 +142,7 @@ impl Calibration {
             uses_references: true,
             posteriors: Score::ALL.map(|score| [prior_calibration(score); SIZES.len()]),
             num_images: 0,
+            neighbours: Neighbours::default(),
         }
     }
 
@@ -139,11 +153,19 @@ impl Calibration {
                 EvidencePart::Appearances => self.uses_references = false,
                 EvidencePart::Distances => self.distance_log_ratios.fill(0.0),
                 EvidencePart::Displacement => self.displacement = None,
-                EvidencePart::FalseRates => self.false_counts.clear(),
+                EvidencePart::FalseRates => {
+                    self.false_counts.clear();
+                    self.place_false_rates.clear();
+                }
                 EvidencePart::Repeatability => self.repeatability.clear(),
                 EvidencePart::OutlierMatches => self.outlier_rates.clear(),
             }
         }
+    }
+
+    /// What a place scores in images that do not show it, on average.
+    pub(super) fn level(&self, node: NodeId) -> f64 {
+        self.levels.get(node.0 as usize).copied().unwrap_or(0.0)
     }
 
     /// What outlier matches say at a place.
@@ -190,6 +212,7 @@ impl Calibration {
             scale: between(posteriors[above - 1].scale, posteriors[above].scale),
             bias: between(posteriors[above - 1].bias, posteriors[above].bias),
             level: between(posteriors[above - 1].level, posteriors[above].level),
+            near: between(posteriors[above - 1].near, posteriors[above].near),
         }
     }
 
@@ -255,7 +278,8 @@ impl Calibration {
         let trials = counts.copied().unwrap_or_default();
         let found = f64::from(trials.found.saturating_sub(but.found));
         let tried = f64::from(trials.tried.saturating_sub(but.tried));
-        let rate = (found + FALSE_RATE_PRIOR * self.false_rate) / (tried + FALSE_RATE_PRIOR);
+        let usual = (self.place_false_rates.get(node.0 as usize)).unwrap_or(&self.false_rate);
+        let rate = (found + FALSE_RATE_PRIOR * usual) / (tried + FALSE_RATE_PRIOR);
         rate.clamp(*FALSE_RATES.start(), *FALSE_RATES.end())
     }
 
@@ -271,11 +295,17 @@ impl Calibration {
                 .iter()
                 .all(|(score, rate)| score.is_finite() && is_rate(rate))
             && is_rate(&self.false_rate)
+            && self.conditions.iter().all(|share| *share > 0.0 && *share <= 1.0)
+            && self.neighbours.holds_together(num_places)
             && [0, num_places].contains(&self.repeatability.len())
             && self
                 .repeatability
                 .iter()
                 .all(|it| it.is_finite() && *it >= 0.0)
+            && [0, num_places].contains(&self.place_false_rates.len())
+            && self.place_false_rates.iter().all(is_rate)
+            && [0, num_places].contains(&self.levels.len())
+            && self.levels.iter().all(|level| level.is_finite())
             && [0, num_places].contains(&self.outlier_rates.len())
             && (self.outlier_rates.iter()).all(|rate| *rate > 0.0 && *rate < 1.0)
             && self.outlier_ratio.is_finite()
@@ -287,7 +317,7 @@ impl Calibration {
                 it.spread_px.0 > 0.0 && it.spread_px.1 > 0.0 && it.area_px2.is_finite()
             })
             && posteriors
-                .flat_map(|it| [it.scale, it.bias, it.level])
+                .flat_map(|it| [it.scale, it.bias, it.level, it.near])
                 .all(f64::is_finite)
             && self.posteriors.iter().all(|it| it.len() == SIZES.len())
     }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::folder::{Folder, NewFolder};
 use super::layout::format_error;
 use super::npy;
 use crate::feature::Features;
@@ -26,21 +27,21 @@ impl Arrays {
         (self.descriptors).extend(codec::encode_descriptors(features.descriptors()));
     }
 
-    pub(super) fn write(&self, folder: &Path, prefix: &str) -> Result<()> {
-        let path = |name: &str| folder.join(format!("{prefix}{name}.npy"));
-        npy::write(&path("keypoints"), npy::F32, 4, &self.keypoints)?;
-        npy::write(
-            &path("descriptors"),
-            npy::U8,
-            DESCRIPTOR_BYTES,
-            &self.descriptors,
-        )
+    pub(super) fn write(&self, folder: &mut NewFolder, prefix: &str) -> Result<()> {
+        let keypoints = npy::encode(npy::F32, 4, &self.keypoints);
+        folder.write(&format!("{prefix}keypoints.npy"), &keypoints)?;
+        let descriptors = npy::encode(npy::U8, DESCRIPTOR_BYTES, &self.descriptors);
+        folder.write(&format!("{prefix}descriptors.npy"), &descriptors)
     }
 
-    pub(super) fn read(folder: &Path, prefix: &str) -> Result<Self> {
-        let path = |name: &str| folder.join(format!("{prefix}{name}.npy"));
-        let keypoints = npy::read(&path("keypoints"), npy::F32, 4)?;
-        let descriptors = npy::read(&path("descriptors"), npy::U8, DESCRIPTOR_BYTES)?;
+    pub(super) fn read(folder: &Folder, prefix: &str) -> Result<Self> {
+        let path = |name: &str| folder.path_of(&format!("{prefix}{name}.npy"));
+        let read = |name: &str, of, columns| {
+            let bytes = folder.read(&format!("{prefix}{name}.npy"))?;
+            npy::decode(&path(name), bytes, of, columns)
+        };
+        let keypoints = read("keypoints", npy::F32, 4)?;
+        let descriptors = read("descriptors", npy::U8, DESCRIPTOR_BYTES)?;
         let (points, rows) = (
             keypoints.len() / KEYPOINT_BYTES,
             descriptors.len() / DESCRIPTOR_BYTES,

@@ -1,24 +1,25 @@
 //! How does a map become a folder of plain files?
 
-use std::fs;
 use std::path::Path;
 
 use super::arrays::Arrays;
-use super::layout::{EDGE_COLUMNS, LAYOUT, META_COLUMNS, PLACE_COLUMNS, VISIT_COLUMNS, csv_error};
+use super::folder::NewFolder;
+use super::layout::{EDGE_COLUMNS, LAYOUT, META_COLUMNS, PLACE_COLUMNS, VISIT_COLUMNS};
 use super::npy;
+use super::table::Table;
 use crate::map::node::Node;
 use crate::map::snapshot::Snapshot;
 use crate::map::types::{Edge, MapMeta};
-use fremen::error::{Error, ErrorKind, Result};
+use fremen::error::Result;
 use fremen::visibility::FeatureState;
 
 impl Snapshot {
-    /// Writes the map into `folder`, which must not exist yet or be empty.
+    /// Writes the map into `folder`, which must not exist yet or be empty. It is there whole or
+    /// not at all.
     pub fn export(&self, folder: impl AsRef<Path>) -> Result<()> {
-        let folder = folder.as_ref();
-        prepare(folder)?;
-        let table = |name: &str, columns: &[&str], rows: &[Vec<String>]| {
-            write_table(&folder.join(name), columns, rows)
+        let mut folder = NewFolder::begin(folder.as_ref())?;
+        let mut table = |name: &str, columns: &[&str], rows: &[Vec<String>]| {
+            folder.write(name, &Table::to_csv(columns, rows)?)
         };
         table("map.csv", &META_COLUMNS, &meta_rows(&self.meta))?;
         table("edges.csv", &EDGE_COLUMNS, &edge_rows(&self.edges))?;
@@ -47,40 +48,14 @@ impl Snapshot {
         }
         table("places.csv", &PLACE_COLUMNS, &places)?;
         table("visits.csv", &VISIT_COLUMNS, &visits)?;
-        features.write(folder, "")?;
-        appearances.write(folder, "appearance_")?;
-        npy::write(&folder.join("seen.npy"), npy::I8, 0, &seen)?;
-        npy::write(&folder.join("located_by.npy"), npy::U8, 0, &located_by)?;
-        self.export_attachments(&folder.join("attachments"))
-    }
-
-    fn export_attachments(&self, folder: &Path) -> Result<()> {
-        if self.attachments.is_empty() {
-            return Ok(());
-        }
-        fs::create_dir(folder).map_err(|cause| Error::io(folder, cause))?;
+        features.write(&mut folder, "")?;
+        appearances.write(&mut folder, "appearance_")?;
+        folder.write("seen.npy", &npy::encode(npy::I8, 0, &seen))?;
+        folder.write("located_by.npy", &npy::encode(npy::U8, 0, &located_by))?;
         for (name, value) in &self.attachments {
-            let path = folder.join(format!("{name}.bin"));
-            fs::write(&path, value).map_err(|cause| Error::io(&path, cause))?;
+            folder.write(&format!("attachments/{name}.bin"), value)?;
         }
-        Ok(())
-    }
-}
-
-/// Makes the folder, or accepts an empty one.
-fn prepare(folder: &Path) -> Result<()> {
-    let io = |cause: std::io::Error| Error::io(folder, cause);
-    if folder.exists() {
-        if fs::read_dir(folder).map_err(io)?.next().is_some() {
-            return Err(
-                Error::new(ErrorKind::AlreadyExists, "this folder is not empty")
-                    .with_path(folder)
-                    .with_help("a folder is never overwritten: choose another name"),
-            );
-        }
-        Ok(())
-    } else {
-        fs::create_dir(folder).map_err(io)
+        folder.finish()
     }
 }
 
@@ -146,15 +121,4 @@ fn visit_row(node: &Node, at: usize) -> Vec<String> {
         node.experience_log.seen_row(at).len().to_string(),
         num_appearance.unwrap_or_default(),
     ]
-}
-
-fn write_table(path: &Path, columns: &[&str], rows: &[Vec<String>]) -> Result<()> {
-    let error = |cause: csv::Error| csv_error(path, &cause);
-    let file = fs::File::create_new(path).map_err(|cause| Error::io(path, cause))?;
-    let mut writer = csv::Writer::from_writer(file);
-    writer.write_record(columns).map_err(error)?;
-    for row in rows {
-        writer.write_record(row).map_err(error)?;
-    }
-    writer.flush().map_err(|cause| Error::io(path, cause))
 }

@@ -23,6 +23,8 @@ use fremen::visibility::BitRow;
 
 use crate::map::limits::MAX_FEATURES;
 
+/// Bytes of a file, at most.
+const MAX_BYTES: u64 = 1 << 28;
 /// Numbers of one matrix, at most.
 const MAX_CELLS: usize = 1 << 28;
 const KEYPOINT_COLUMNS: usize = 7;
@@ -42,7 +44,7 @@ pub struct FileStorageMap {
 /// Reads one place of the reference benchmark; errors name the line.
 pub fn read_file_storage(path: impl AsRef<Path>) -> Result<FileStorageMap> {
     let path = path.as_ref();
-    let text = std::fs::read(path).map_err(|cause| Error::io(path, cause))?;
+    let text = fremen::file::read(path, MAX_BYTES)?;
     decode_file_storage(&text).map_err(|error| error.with_path(path))
 }
 

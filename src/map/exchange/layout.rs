@@ -4,8 +4,13 @@ use std::path::Path;
 
 use fremen::error::{Error, ErrorKind};
 
-/// The layout of the folder that this code writes and reads.
-pub(super) const LAYOUT: &str = "1";
+/// The layout of the folder that this code writes.
+pub(super) const LAYOUT: &str = "2";
+/// The layout without a manifest, which is read, too.
+pub(super) const LAYOUT_1: &str = "1";
+/// The file that lists all others.
+pub(super) const MANIFEST: &str = "manifest.csv";
+pub(super) const MANIFEST_COLUMNS: [&str; 3] = ["file", "num_bytes", "sha256"];
 pub(super) const META_COLUMNS: [&str; 2] = ["key", "value"];
 pub(super) const PLACE_COLUMNS: [&str; 6] = ["place", "num_visits", "num_features", "x", "y", "z"];
 pub(super) const EDGE_COLUMNS: [&str; 3] = ["from", "to", "name"];

@@ -1,7 +1,5 @@
 //! How does an array become a file that numpy opens? (format NPY 1.0, little-endian, C order)
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use fremen::error::{Error, ErrorKind, Result};
@@ -30,8 +28,8 @@ pub(super) const I8: Type = Type {
     bytes: 1,
 };
 
-/// Writes rows of `columns` numbers (0: one number each, and the array has one dimension).
-pub(super) fn write(path: &Path, of: Type, columns: usize, data: &[u8]) -> Result<()> {
+/// The file of rows of `columns` numbers (0: one number each, and the array has one dimension).
+pub(super) fn encode(of: Type, columns: usize, data: &[u8]) -> Vec<u8> {
     let rows = data.len() / (of.bytes * columns.max(1));
     let shape = match columns {
         0 => format!("({rows},)"),
@@ -47,21 +45,19 @@ pub(super) fn write(path: &Path, of: Type, columns: usize, data: &[u8]) -> Resul
         header.push(' ');
     }
     header.push('\n');
-    let write = || -> std::io::Result<()> {
-        let mut file = BufWriter::new(File::create_new(path)?);
-        file.write_all(MAGIC)?;
-        file.write_all(&[1, 0])?;
-        file.write_all(&(len as u16).to_le_bytes())?;
-        file.write_all(header.as_bytes())?;
-        file.write_all(data)?;
-        file.flush()
-    };
-    write().map_err(|cause| Error::io(path, cause))
+    [
+        MAGIC,
+        &[1, 0],
+        &(len as u16).to_le_bytes(),
+        header.as_bytes(),
+        data,
+    ]
+    .concat()
 }
 
-/// Reads what [`write`] has written, or numpy with `numpy.save`.
-pub(super) fn read(path: &Path, of: Type, columns: usize) -> Result<Vec<u8>> {
-    let mut bytes = std::fs::read(path).map_err(|cause| Error::io(path, cause))?;
+/// Reads what [`encode`] has made, or numpy with `numpy.save`, from the bytes of the file at
+/// `path`.
+pub(super) fn decode(path: &Path, mut bytes: Vec<u8>, of: Type, columns: usize) -> Result<Vec<u8>> {
     let (start, rows) = parse_header(&bytes, of, columns).map_err(|error| error.with_path(path))?;
     let row_bytes = of.bytes * columns.max(1);
     let expected = rows
@@ -138,28 +134,25 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_and_anything_else_is_named() {
-        let folder = tempfile::tempdir().expect("temporary folder");
-        let path = folder.path().join("a.npy");
-        write(&path, F32, 2, &[7; 24]).expect("writable");
-        let bytes = std::fs::read(&path).expect("there");
+        let path = Path::new("a.npy");
+        let bytes = encode(F32, 2, &[7; 24]);
+        let read = |bytes: &[u8], of, columns| decode(path, bytes.to_vec(), of, columns);
         assert_eq!(bytes.len(), 2 * ALIGNMENT + 24);
         assert!(bytes.starts_with(b"\x93NUMPY\x01\0"));
-        assert_eq!(read(&path, F32, 2).expect("sound"), [7; 24]);
+        assert_eq!(read(&bytes, F32, 2).expect("sound"), [7; 24]);
         for (of, columns, expected) in
             [(U8, 2, "'|u1'"), (F32, 3, "(rows, 3)"), (F32, 0, "(rows,)")]
         {
-            let error = read(&path, of, columns).expect_err(expected).to_string();
+            let error = read(&bytes, of, columns).expect_err(expected).to_string();
             assert!(
                 error.contains(expected) && error.contains("a.npy"),
                 "{error}"
             );
         }
-        std::fs::write(&path, &bytes[..bytes.len() - 1]).expect("writable");
-        let error = read(&path, F32, 2).expect_err("short").to_string();
-        assert!(error.contains("3 rows of 8 bytes"), "{error}");
+        let error = read(&bytes[..bytes.len() - 1], F32, 2).expect_err("short");
+        assert!(error.to_string().contains("3 rows of 8 bytes"), "{error}");
         for len in 0..bytes.len() - 24 {
-            std::fs::write(&path, &bytes[..len]).expect("writable");
-            assert!(read(&path, F32, 2).is_err(), "{len}");
+            assert!(read(&bytes[..len], F32, 2).is_err(), "{len}");
         }
     }
 }

@@ -1,15 +1,11 @@
 //! How are the tables of an exported folder read, cell by cell?
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use std::sync::Arc;
 
-use super::arrays::Arrays;
 use super::layout::{csv_error, format_error};
-use crate::map::types::{AppearanceUse, PlaceKey, SessionId, Visit, VisitId};
+use crate::map::types::PlaceKey;
 use fremen::error::{Error, Result};
-use fremen::time::Time;
 
 /// A CSV file with known columns.
 pub(super) struct Table {
@@ -19,11 +15,13 @@ pub(super) struct Table {
 }
 
 impl Table {
-    pub(super) fn read(path: &Path, columns: &'static [&'static str]) -> Result<Self> {
-        let file = fs::File::open(path).map_err(|cause| Error::io(path, cause))?;
-        let mut reader = csv::ReaderBuilder::new()
-            .buffer_capacity(1 << 16)
-            .from_reader(file);
+    /// The table that `bytes`, those of the file at `path`, are.
+    pub(super) fn parse(
+        path: &Path,
+        bytes: &[u8],
+        columns: &'static [&'static str],
+    ) -> Result<Self> {
+        let mut reader = csv::Reader::from_reader(bytes);
         let error = |cause: csv::Error| csv_error(path, &cause);
         if reader.headers().map_err(error)? != columns {
             return Err(
@@ -38,6 +36,17 @@ impl Table {
             columns,
             rows: rows.map_err(error)?,
         })
+    }
+
+    /// The bytes of a table of these rows.
+    pub(super) fn to_csv(columns: &[&str], rows: &[Vec<String>]) -> Result<Vec<u8>> {
+        let failed = |cause: csv::Error| format_error(cause.to_string());
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        writer.write_record(columns).map_err(failed)?;
+        for row in rows {
+            writer.write_record(row).map_err(failed)?;
+        }
+        (writer.into_inner()).map_err(|cause| format_error(cause.to_string()))
     }
 
     pub(super) fn error(
@@ -98,24 +107,5 @@ impl Table {
             self.number(row, 4)?,
             self.number(row, 5)?,
         ]))
-    }
-
-    pub(super) fn visit(&self, row: &csv::StringRecord, appearances: &mut Arrays) -> Result<Visit> {
-        let appearance = if row[9].is_empty() {
-            None
-        } else {
-            let appearance = appearances.take(self.number(row, 9)?)?.all()?;
-            Some(Arc::new(appearance))
-        };
-        Ok(Visit {
-            id: VisitId(self.bits_128(row, 1)?),
-            session: SessionId(self.bits_128(row, 2)?),
-            time: Time::from_us(self.number(row, 3)?),
-            source: row[4].to_owned(),
-            appearance,
-            appearance_use: AppearanceUse::named(&row[5]).ok_or_else(|| {
-                self.cell_error(row, 5, "`experience` or `recognised` is expected")
-            })?,
-        })
     }
 }

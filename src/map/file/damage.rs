@@ -487,12 +487,7 @@ fn an_interrupted_commit_is_undone() {
         fs::read(&torn).expect("there"),
         fs::read(&path).expect("there")
     );
-    let error = Map::open_read_only(&torn)
-        .expect_err("cannot undo")
-        .to_string();
-    assert!(error.contains("interrupted"), "{error}");
-    assert!(Map::verify(&torn).is_err());
-    let undone = Map::open(&torn).expect("undone");
+    let undone = Map::open_read_only(&torn).expect("undone");
     assert_eq!(undone.snapshot(), before);
     assert!(!torn_journal.exists());
     assert!(Map::verify(&torn).expect("sound").is_clean());

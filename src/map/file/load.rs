@@ -112,6 +112,17 @@ pub(super) fn load(
     Ok(Some(state))
 }
 
+/// All that the file holds at its newest generation; an error if anything is not as it was written.
+pub(super) fn whole(reader: &Reader<'_>) -> Result<State> {
+    let state = load(reader, None, None, &mut Faults::strict(&MAP), None)?;
+    state.ok_or_else(|| MAP.no_generations())
+}
+
+/// Whether [`whole`] finds nothing amiss.
+pub(super) fn check(reader: &Reader<'_>) -> Result<()> {
+    whole(reader).map(drop)
+}
+
 /// What holds for the whole map at its newest generation; `None` where there is none.
 pub(super) fn read_newest_meta(reader: &Reader<'_>) -> Result<Option<MapMeta>> {
     let faults = &mut Faults::strict(&MAP);

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 use std::time::SystemTime;
 
-use chronotope_store::{Access, Faults, Reader, Store};
+use chronotope_store::{Access, Faults, Reader, Store, Writer};
 
 use super::change::{Change, Rewritten, insert_meta};
 use super::generation::Generation;
@@ -20,8 +20,11 @@ use super::state::State;
 use super::tables::MAP;
 use crate::map::snapshot::Snapshot;
 use crate::map::types::MapMeta;
-use fremen::error::{Error, Result};
+use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
+
+/// How often a change is made again because other processes commit at the same time.
+const MAX_ATTEMPTS: usize = 20;
 
 /// A map file.
 ///
@@ -71,11 +74,35 @@ impl Map {
     ) -> Result<Self> {
         meta.check().map_err(|error| error.with_path(path))?;
         let state = State::empty(meta);
-        let store = Store::create(&MAP, path, page_bytes, |writer| {
-            insert_meta(writer, 0, &state.snapshot.meta)?;
-            writer.insert_generation(&state.totals(time).to_stored())
+        let store = Store::create(&MAP, path, page_bytes, load::check, |writer| {
+            insert_empty(writer, &state, time)
         })?;
         Ok(Self::with_state(store, state))
+    }
+
+    /// Makes a new map file that holds `snapshot`, whole or not at all; one that exists is never
+    /// overwritten.
+    pub fn create_from(path: impl AsRef<Path>, snapshot: &Snapshot) -> Result<Self> {
+        let (path, time) = (path.as_ref(), now());
+        let create = || {
+            snapshot.meta.check()?;
+            let empty = State::empty(snapshot.meta.clone());
+            let change = Change::between(&empty, snapshot, Rewritten::Refused)?;
+            let state = change.apply(&empty, snapshot, 1);
+            let store = Store::create(&MAP, path, 4096, load::check, |writer| {
+                insert_empty(writer, &empty, time)?;
+                change.write(writer, &empty, &state)?;
+                writer.insert_generation(&state.totals(time).to_stored())
+            })?;
+            Ok(Self::with_state(store, state))
+        };
+        create().map_err(|error: Error| error.with_path(path))
+    }
+
+    /// Gives a map file another name; a file that has that name, however late it came, is never
+    /// overwritten.
+    pub fn rename(from: impl AsRef<Path>, to: impl AsRef<Path>) -> Result<()> {
+        Store::rename(&MAP, from.as_ref(), to.as_ref())
     }
 
     /// Opens a map file: to be written where file and folder allow it, else read-only.
@@ -91,10 +118,7 @@ impl Map {
     }
 
     fn open_with(path: &Path, access: Access) -> Result<Self> {
-        let (store, state) = Store::open(&MAP, path, access, |reader| {
-            let state = load::load(reader, None, None, &mut Faults::strict(&MAP), None)?;
-            state.ok_or_else(|| MAP.no_generations())
-        })?;
+        let (store, state) = Store::open(&MAP, path, access, load::check, load::whole)?;
         Ok(Self::with_state(store, state))
     }
 
@@ -245,6 +269,25 @@ impl Map {
         self.branch(store, state, empty, Some(snapshot), time)
     }
 
+    /// Makes what `change` makes of the newest snapshot the stored state, and gives its generation
+    /// number: [`replace`](Self::replace) that asks again where another process has committed
+    /// meanwhile.
+    ///
+    /// `change` may be called several times, each time with a newer snapshot.
+    pub fn update(&self, mut change: impl FnMut(&Snapshot) -> Result<Snapshot>) -> Result<u64> {
+        let mut snapshot = self.snapshot();
+        for _ in 0..MAX_ATTEMPTS {
+            match self.replace(&change(&snapshot)?) {
+                Err(error) if error.kind() == ErrorKind::Conflict => {
+                    tracing::info!("{error}");
+                    snapshot = self.refresh()?;
+                }
+                done => return done,
+            }
+        }
+        self.replace(&change(&snapshot)?)
+    }
+
     /// Forgets all generations but 0, the newest, those in `keep` and those where their lines part.
     ///
     /// What stays keeps number, content and digest; what goes cannot be returned to. One
@@ -254,12 +297,9 @@ impl Map {
         let mut stored = self.stored();
         let Stored { store, state } = &mut *stored;
         let num_bytes_before = store.num_bytes()?;
-        let read = |reader: &Reader<'_>| {
-            let state = load::load(reader, None, None, &mut Faults::strict(&MAP), None)?;
-            state.ok_or_else(|| MAP.no_generation(0))
-        };
         let is_same = |before: &State, after: &State| before.snapshot == after.snapshot;
-        let Some((after, num_dropped)) = store.prune(state.tip(), keep, read, is_same)? else {
+        let pruned = store.prune(state.tip(), keep, load::whole, is_same)?;
+        let Some((after, num_dropped)) = pruned else {
             return Ok(Pruned {
                 num_dropped: 0,
                 num_bytes_before,
@@ -335,6 +375,12 @@ impl Map {
     pub(super) fn with_connection<T>(&self, f: impl FnOnce(&rusqlite::Connection) -> T) -> T {
         f(self.stored().store.connection())
     }
+}
+
+/// Writes generation 0.
+fn insert_empty(writer: &Writer<'_>, state: &State, time: Time) -> Result<()> {
+    insert_meta(writer, 0, &state.snapshot.meta)?;
+    writer.insert_generation(&state.totals(time).to_stored())
 }
 
 fn now() -> Time {

@@ -56,6 +56,6 @@ impl MapMeta {
 
 /// Reads a little of the file at `path`.
 fn glance<T>(path: &Path, read: impl FnOnce(&Reader<'_>) -> Result<Option<T>>) -> Result<T> {
-    let found = Store::glance(&MAP, path, read)?;
+    let found = Store::glance(&MAP, path, load::check, read)?;
     found.ok_or_else(|| MAP.no_generations().with_path(path))
 }

@@ -53,7 +53,7 @@ impl Map {
 
 fn verify(path: &Path) -> Result<VerifyReport> {
     let mut trail = Trail::default();
-    let (state, faults) = Store::verify(&MAP, path, MAX_FAULTS, |reader, faults| {
+    let (state, faults) = Store::verify(&MAP, path, MAX_FAULTS, load::check, |reader, faults| {
         let state = load::load(reader, None, None, faults, Some(&mut trail));
         if faults.is_clean()
             && let Ok(Some(state)) = &state

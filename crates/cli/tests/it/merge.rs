@@ -30,3 +30,31 @@ fn maps_of_two_halves_merge_into_one() {
         &["--keep-appearances all"],
     );
 }
+
+#[test]
+fn maps_that_have_nothing_in_common_are_not_taken_for_one_world() {
+    let fixture = Fixture::new();
+    let whole = fixture.index();
+    let (head, visits) = whole.split_once('\n').expect("a header");
+    let visits: Vec<&str> = visits.lines().collect();
+    let build = |name: &str, rows: &[&str], rename: (&str, &str)| {
+        let rows = rows.join("\n").replace(rename.0, rename.1);
+        fixture.write("data/index.csv", format!("{head}\n{rows}\n"));
+        fixture.succeeds(&format!("map build --data data --out {name}.map"));
+    };
+    // The same places on other days, and other places by the same names.
+    build("early", &visits[..12], ("", ""));
+    build("late", &visits[12..], ("", ""));
+    let only = |place: &str| -> Vec<&str> {
+        (visits.iter().copied())
+            .filter(|row| row.starts_with(place))
+            .collect()
+    };
+    build("here", &only("place-00"), ("place-00", "lamp"));
+    build("there", &only("place-01"), ("place-01", "lamp"));
+    fixture.succeeds("map merge early.map late.map --out week.map");
+    let line = "map merge here.map there.map --out both.map";
+    fixture.fails(line, &["there.map", "nothing in common", "--disjoint"]);
+    assert!(!fixture.path("both.map").exists());
+    fixture.succeeds(&format!("{line} --disjoint"));
+}

@@ -9,7 +9,11 @@ use std::path::Path;
 
 use super::Series;
 use crate::error::{Error, ErrorKind, Result};
+use crate::file;
 use crate::time::{Time, TimeUnit, Zone};
+
+/// Bytes of a file, at most: some ten million rows.
+const MAX_BYTES: u64 = 1 << 28;
 
 /// A time before this, in a series of which most times are later than [`RECORDED_FROM`], is that of
 /// a clock that was never set.
@@ -39,7 +43,7 @@ impl Series {
     /// state are none is a header. Fails with the line of what is no series.
     pub fn read_csv(path: impl AsRef<Path>, columns: Columns<'_>) -> Result<Self> {
         let path = path.as_ref();
-        let bytes = std::fs::read(path).map_err(|cause| Error::io(path, cause))?;
+        let bytes = file::read(path, MAX_BYTES)?;
         Self::parse_csv(&bytes, columns).map_err(|error| error.with_path(path))
     }
 

@@ -175,6 +175,11 @@ fn read(
     }))
 }
 
+/// Whether the newest counts are what was written.
+pub(crate) fn check(reader: &Reader<'_>) -> Result<()> {
+    read(reader, &GRID, None, &mut Faults::strict(&GRID)).map(drop)
+}
+
 /// A file of counts.
 #[derive(Debug)]
 pub(crate) struct Grid {
@@ -194,12 +199,14 @@ impl Grid {
             last_row: 0,
         };
         let first = known.counts.generation(0, None, 0);
-        let store = Store::create(kind, path, 512, |writer| writer.insert_generation(&first))?;
+        let store = Store::create(kind, path, 512, check, |writer| {
+            writer.insert_generation(&first)
+        })?;
         Ok(Self { kind, store, known })
     }
 
     pub(crate) fn open(kind: &'static Kind, path: &Path, access: Access) -> Result<Self> {
-        let (store, known) = Store::open(kind, path, access, |reader| {
+        let (store, known) = Store::open(kind, path, access, check, |reader| {
             read(reader, kind, None, &mut Faults::strict(kind))?
                 .ok_or_else(|| kind.no_generations())
         })?;
@@ -302,6 +309,6 @@ impl Grid {
 
     pub(crate) fn verify(kind: &'static Kind, path: &Path) -> Result<Vec<Fault>> {
         let read = |reader: &Reader<'_>, faults: &mut Faults| read(reader, kind, None, faults);
-        Ok(Store::verify(kind, path, 100, read)?.1)
+        Ok(Store::verify(kind, path, 100, check, read)?.1)
     }
 }

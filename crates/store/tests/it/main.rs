@@ -6,3 +6,4 @@
 
 mod cells;
 mod counts;
+mod journals;

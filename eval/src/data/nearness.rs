@@ -138,17 +138,26 @@ impl<'a> Nearness<'a> {
 
 /// The learnt places in the order of the route.
 ///
-/// A run lasts until a place comes again that is not the last one. The run that saw most places
+/// A run lasts until a place comes again that is not the last one, or until a pause of more than
+/// ten times what is usual between two images. The run that saw most places
 /// gives the order (in it the order of time, and of names where times are equal); a place that it
 /// missed comes after the place before it in a run that saw it.
 fn route<'a>(dataset: &'a Dataset, learn: &[usize]) -> Vec<&'a PlaceKey> {
     // Entries are sorted by time, then by name of the place.
     let mut learn = learn.to_vec();
     learn.sort_unstable();
+    let pauses = learn.windows(2).map(|pair| gap_s(dataset, pair));
+    let mut gaps_s: Vec<f64> = pauses.filter(|gap_s| *gap_s > 0.0).collect();
+    gaps_s.sort_unstable_by(f64::total_cmp);
+    let most_s = (gaps_s.get(gaps_s.len() / 2)).map_or(f64::INFINITY, |usual_s| 10.0 * usual_s);
     let mut runs: Vec<Vec<&PlaceKey>> = vec![Vec::new()];
     let mut seen = BTreeSet::new();
-    for entry in learn {
+    for (i, &entry) in learn.iter().enumerate() {
         let place = &dataset.entries[entry].place;
+        if i > 0 && gap_s(dataset, &learn[i - 1..=i]) > most_s {
+            seen.clear();
+            runs.push(Vec::new());
+        }
         let run = runs.last_mut().filter(|run| run.last() != Some(&place));
         let Some(run) = run else { continue };
         if seen.insert(place) {
@@ -179,6 +188,11 @@ fn route<'a>(dataset: &'a Dataset, learn: &[usize]) -> Vec<&'a PlaceKey> {
         }
     }
     route
+}
+
+fn gap_s(dataset: &Dataset, pair: &[usize]) -> f64 {
+    let time = |entry: usize| dataset.entries[entry].time;
+    time(pair[1]).since_s(time(pair[0]))
 }
 
 #[cfg(test)]
@@ -239,7 +253,7 @@ mod tests {
         let same_time = dataset(&[("b", 0), ("a", 0), ("c", 0), ("a", 9), ("b", 9), ("c", 9)]);
         let by_name = route(&same_time, &all(&same_time));
         assert_eq!(names(&by_name), ["a", "b", "c"]);
-        let before = dataset(&[("b", 0), ("c", 1), ("d", 2), ("a", 10), ("b", 11)]);
+        let before = dataset(&[("b", 0), ("c", 1), ("d", 2), ("a", 99), ("b", 100)]);
         let before = route(&before, &all(&before));
         assert_eq!(names(&before), ["a", "b", "c", "d"]);
     }

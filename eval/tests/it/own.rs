@@ -56,7 +56,7 @@ fn walks(folder: &Path, days: &[&str]) {
 fn chronotope_eval(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_chronotope-eval"))
         .args(args)
-        .env_remove("CHRONOTOPE_DATA")
+        .env_clear()
         .output()
         .unwrap()
 }

@@ -32,6 +32,7 @@ mod spectrum;
 mod spectrum_svg;
 mod unpacked;
 mod warnings;
+mod within;
 
 use std::io::IsTerminal;
 use std::process::ExitCode;

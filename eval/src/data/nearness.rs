@@ -225,6 +225,7 @@ mod tests {
             edges: Vec::new(),
             poses: BTreeMap::new(),
             problems: Vec::new(),
+            image_size: None,
         }
     }
 

@@ -373,6 +373,7 @@ impl LogMean {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::localize::evidence::conditions::PRIOR;
     use crate::matching::{Match, Vote};
 
     fn found(map: u32, distance_bits: u16) -> Match {
@@ -385,6 +386,19 @@ mod tests {
 
     /// The formula of the module, term by term.
     fn by_definition(features: &[(f64, f64, u64)], num_references: usize, hits: &[bool]) -> f64 {
+        let under = CONDITIONS.map(|condition| under(condition, features, num_references, hits));
+        (under.iter().zip(PRIOR).map(|(under, prior)| prior * under))
+            .sum::<f64>()
+            .ln()
+    }
+
+    /// The same under one condition, as a ratio.
+    fn under(
+        condition: f64,
+        features: &[(f64, f64, u64)],
+        num_references: usize,
+        hits: &[bool],
+    ) -> f64 {
         let product = |reference: Option<usize>| -> f64 {
             (features.iter().zip(hits))
                 .map(|(&(p, q, word), &hit)| {
@@ -392,15 +406,21 @@ mod tests {
                         Some(v) => 0.5 * p + 0.4 * (word >> v & 1) as f64,
                         None => p,
                     };
-                    if hit { p / q } else { (1.0 - p) / (1.0 - q) }
+                    let p = f64::min(condition * p, MAX_DETECTION);
+                    let found = 1.0 - (1.0 - p) * (1.0 - q);
+                    if hit {
+                        found / q
+                    } else {
+                        (1.0 - found) / (1.0 - q)
+                    }
                 })
                 .product()
         };
         if num_references == 0 {
-            product(None).ln()
+            product(None)
         } else {
             let sum: f64 = (0..num_references).map(|v| product(Some(v))).sum();
-            (sum / num_references as f64).ln()
+            sum / num_references as f64
         }
     }
 
@@ -409,7 +429,10 @@ mod tests {
         let features = [(0.5, 0.1, 0b011), (0.3, 0.02, 0b100), (0.8, 0.05, 0b001)];
         let calibration = Calibration::uninformed();
         for num_references in [0, 3] {
-            let mut expectation = Expectation::default();
+            let mut expectation = Expectation {
+                log_prior: PRIOR.map(f64::ln),
+                ..Expectation::default()
+            };
             expectation.restart_weighted(num_references, OutlierRatios::default(), &[]);
             for (p, q, word) in features {
                 expectation.push(p, q, word);
@@ -469,7 +492,10 @@ mod tests {
     fn an_outlier_match_is_neither_found_nor_missing() {
         let (here, others) = (0.3, 0.2);
         let odds = |outliers: OutlierRatios, num_outliers: usize| {
-            let mut expectation = Expectation::default();
+            let mut expectation = Expectation {
+                log_prior: PRIOR.map(f64::ln),
+                ..Expectation::default()
+            };
             expectation.restart_alone(outliers);
             expectation.push(0.5, 0.01, 0);
             expectation.push(0.4, 0.01, 0);
@@ -484,7 +510,7 @@ mod tests {
             let calibration = Calibration::uninformed();
             expectation.log_odds(&calibration, &mut Hits::default(), &verified)
         };
-        let missing = (0.5 * 0.6 / 0.99_f64.powi(2)).ln();
+        let missing = by_definition(&[(0.5, 0.01, 0), (0.4, 0.01, 0)], 0, &[false, false]);
         for num_outliers in 0..=2 {
             let said = num_outliers as f64 * f64::ln(here / others)
                 + (2 - num_outliers) as f64 * f64::ln((1.0 - here) / (1.0 - others));

@@ -57,6 +57,10 @@ const ALIKE_SHARE: f64 = 0.25;
 const FAR_SHARE: f64 = 0.99;
 /// So few inliers show nothing, even where there are no far places to compare with.
 const MIN_ALIKE_INLIERS: usize = 20;
+/// Inliers in the image of a place that looks alike, as a share of those in an own image, and of
+/// the features that were looked for.
+const OWN_INLIERS_SHARE: f64 = 0.5;
+const TRIED_SHARE: f64 = 0.15;
 /// The method that keeps every appearance.
 const EVERYTHING: Method = Method::ExperienceAll;
 
@@ -89,12 +93,12 @@ impl Calibration {
         calibration.learn_distances(&seen, &trials);
         calibration.learn_displacement(&seen, map.snapshot.meta.image_size);
         calibration.forget(map.cfg.without());
+        calibration.learn_conditions(&trials);
+        calibration.learn_levels(map.plans.len(), &trials);
         let trials = match everything {
             None => trials,
             Some(_) => match_held_out(map, &map.plans, &calibration.neighbours)?.1,
         };
-        calibration.learn_conditions(&trials);
-        calibration.learn_levels(map.plans.len(), &trials);
         calibration.learn_posteriors(&trials);
         Ok(calibration)
     }
@@ -367,7 +371,11 @@ impl Calibration {
             Some(0) => TrialPlace::Own,
             Some(steps) if steps <= self.neighbours.reach() => TrialPlace::Alike,
             // Where places look alike, those a little farther on still share some features.
-            Some(_) if self.neighbours.reach() > 0 => TrialPlace::Doubtful,
+            Some(steps)
+                if self.neighbours.reach() > 0 && steps <= 2 * self.neighbours.reach() + 1 =>
+            {
+                TrialPlace::Doubtful
+            }
             _ => TrialPlace::Other,
         }
     }
@@ -401,7 +409,8 @@ fn verified<'a>(found: &'a Found, are_inliers: &'a [bool]) -> Verified<'a> {
 }
 
 /// How many links apart places still look alike: as far as at least [`ALIKE_SHARE`] of them have
-/// more inliers in each other's images than [`FAR_SHARE`] of those that are far apart.
+/// more inliers in each other's images than [`FAR_SHARE`] of those that are far apart, and about as
+/// many as places have in their own.
 fn reach(trials: &[Trial]) -> usize {
     let inliers = |trial: &Trial| {
         let of = |record: &Record| record.found[SIZES.len() - 1].inliers.len();
@@ -413,13 +422,28 @@ fn reach(trials: &[Trial]) -> usize {
     far.sort_unstable();
     let of_far = far.get((far.len() as f64 * FAR_SHARE) as usize).copied();
     let least = of_far.unwrap_or(0).max(MIN_ALIKE_INLIERS);
+    let mut of_own: Vec<usize> = (trials.iter().filter(|it| it.steps == Some(0)))
+        .map(inliers)
+        .collect();
+    of_own.sort_unstable();
+    let usual = of_own
+        .get(of_own.len() / 2)
+        .map_or(0.0, |&usual| usual as f64);
+    let tried = |trial: &Trial| {
+        let of = |record: &Record| record.features.len();
+        trial.records.iter().map(of).max().unwrap_or(0) as f64
+    };
+    let is_alike = |trial: &&Trial| {
+        let found = inliers(trial);
+        found > least
+            && found as f64 >= OWN_INLIERS_SHARE * usual
+            && found as f64 >= TRIED_SHARE * tried(trial)
+    };
     (1..=MAX_REACH)
         .take_while(|&steps| {
-            let at: Vec<usize> = (trials.iter().filter(|it| it.steps == Some(steps)))
-                .map(inliers)
-                .collect();
-            let num_alike = at.iter().filter(|inliers| **inliers > least).count();
-            !at.is_empty() && num_alike as f64 >= ALIKE_SHARE * at.len() as f64
+            let at = || trials.iter().filter(|it| it.steps == Some(steps));
+            let (num_alike, num) = (at().filter(is_alike).count(), at().count());
+            num > 0 && num_alike as f64 >= ALIKE_SHARE * num as f64
         })
         .count()
 }

@@ -410,7 +410,13 @@ impl Localizer {
         let mut posterior = Vec::new();
         let off_map = calibration.posterior_into(&evidence, self.cfg().off_map(), &mut posterior);
         let node_at = |at: usize| NodeId(at as u32);
-        self.share_near(calibration, &evidence, &mut posterior, scores.len(), node_at);
+        self.share_near(
+            calibration,
+            &evidence,
+            &mut posterior,
+            scores.len(),
+            node_at,
+        );
         Some((posterior, off_map))
     }
 
@@ -447,8 +453,14 @@ impl Localizer {
     pub fn decide(&self, best: NodeId, posterior: &[f64], off_map: f64) -> (Decision, Vec<NodeId>) {
         let mut region = Vec::new();
         let of = |node: NodeId| posterior[node.0 as usize];
-        let decision =
-            Decision::by_region(self.beside(best), best, of, off_map, self.cfg().risk(), &mut region);
+        let decision = Decision::by_region(
+            self.beside(best),
+            best,
+            of,
+            off_map,
+            self.cfg().risk(),
+            &mut region,
+        );
         (decision, region)
     }
 

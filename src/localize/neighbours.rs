@@ -102,12 +102,16 @@ impl Neighbours {
         let gap = |(from, to): &(Stop, Stop)| to.time.as_us().saturating_sub(from.time.as_us());
         let mut gaps: Vec<i64> = steps.iter().map(gap).collect();
         gaps.sort_unstable();
-        let longest = gaps.get(gaps.len() / 2).map_or(0, |usual| usual.saturating_mul(MAX_GAP));
+        let longest = gaps
+            .get(gaps.len() / 2)
+            .map_or(0, |usual| usual.saturating_mul(MAX_GAP));
         for step in steps.iter().filter(|step| gap(step) <= longest) {
             link(step.0.node, step.1.node);
         }
         let lists = |sets: Vec<BTreeSet<u32>>| -> Vec<Vec<u32>> {
-            sets.into_iter().map(|of| of.into_iter().collect()).collect()
+            sets.into_iter()
+                .map(|of| of.into_iter().collect())
+                .collect()
         };
         Self {
             links: lists(links),

@@ -134,7 +134,11 @@ impl Localizer {
                     self.predict_part(scratch, id, model, time, part);
                     let num_visits = references.num_visits();
                     grown.clear();
-                    grown.extend(sizes.iter().map(|&n| self.cfg().num_predicted(n, num_visits)));
+                    grown.extend(
+                        sizes
+                            .iter()
+                            .map(|&n| self.cfg().num_predicted(n, num_visits)),
+                    );
                     count_pairs(&grown, scratch.ranked.len());
                     let ranked = std::mem::take(&mut scratch.ranked);
                     self.score_into(scratch, ranked.view(), query, &grown, scores);

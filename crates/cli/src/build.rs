@@ -25,7 +25,7 @@ use super::new_map::{finish, part_of, refuse_existing};
 use super::outcome::Outcome;
 use super::output::{Output, contents};
 use super::progress::Progress;
-use super::warnings::print_held;
+use super::warnings::{print_held, print_num_held};
 use chronotope::dataset::{Clock, Dataset, Entry, Manifest, Problem};
 use chronotope::error::{Error, ErrorKind, printable};
 use chronotope::feature::{Extractor, ExtractorConfig, Features, GrayImage, StarBriefConfig};
@@ -208,6 +208,7 @@ struct Build {
     part: Option<PathBuf>,
     problems: Vec<Problem>,
     num_learnt: usize,
+    num_same_visit: usize,
     num_held: usize,
 }
 
@@ -282,6 +283,7 @@ impl Build {
             extractor,
             part: None,
             num_learnt: 0,
+            num_same_visit: 0,
             num_held: 0,
         })
     }
@@ -303,6 +305,7 @@ impl Build {
         match self.finish() {
             Ok(snapshot) => {
                 self.list_problems();
+                self.count_same_visit();
                 self.count_held();
                 let summary = snapshot.summary();
                 out.line(format_args!(
@@ -311,7 +314,7 @@ impl Build {
                     contents(&summary, format_args!(" ({} learnt now)", self.num_learnt)),
                     summary.num_appearances,
                 ))?;
-                Ok(Outcome::Good)
+                Ok(Outcome::of_check(self.num_held == 0))
             }
             Err(error) => Err(self.give_up(error)),
         }
@@ -399,9 +402,14 @@ impl Build {
         let circumstances = Circumstances {
             now: Some(Time::now()),
             is_live: false,
+            is_labelled: true,
             gray_range: image.gray_range,
         };
         let learnt = (self.learner).observe(&observation, &circumstances)?;
+        if learnt.is_same_visit {
+            self.num_same_visit += 1;
+            return Ok(());
+        }
         if let Some(doubt) = &learnt.doubt {
             self.num_held += 1;
             print_held(&entry.id, doubt, &self.out);
@@ -496,13 +504,25 @@ impl Build {
         }
     }
 
+    /// Says how many images were no visits of their own.
+    fn count_same_visit(&self) {
+        if self.num_same_visit > 0 {
+            eprintln!(
+                "note: {} more images belong to these visits: their place was seen less than {} s \
+                 before",
+                self.num_same_visit,
+                self.learner.learner().cfg().stay_gap_s()
+            );
+        }
+    }
+
     /// Says how many visits are held, and how many there was no room for.
     fn count_held(&self) {
         if self.num_held == 0 {
             return;
         }
         let num_kept = self.learner.learner().held().visits().len();
-        eprintln!("{num_kept} visits are held: see above");
+        print_num_held(num_kept, &self.out);
         if num_kept < self.num_held {
             eprintln!(
                 "warning: {} visits were held in this run, and there is no room for all: the oldest \

@@ -238,11 +238,7 @@ impl Expectation {
 
     /// The log odds of each condition, with its prior, where these features are found: those that
     /// depend on the condition.
-    pub(super) fn log_odds_under(
-        &self,
-        hits: &[(u32, u16)],
-        log_prior: Conditions,
-    ) -> Conditions {
+    pub(super) fn log_odds_under(&self, hits: &[(u32, u16)], log_prior: Conditions) -> Conditions {
         let mut odds = log_prior;
         add_to(&mut odds, &self.nothing);
         for &(feature, _) in hits {

@@ -149,11 +149,7 @@ impl Calibration {
 
     /// For each place, found over expected features, drawn to 1 by [`REPEATABILITY_PRIOR`] expected
     /// ones.
-    fn learn_repeatability(
-        &self,
-        num_places: usize,
-        trials: &[Trial],
-    ) -> Vec<f64> {
+    fn learn_repeatability(&self, num_places: usize, trials: &[Trial]) -> Vec<f64> {
         let mut found = vec![REPEATABILITY_PRIOR; num_places];
         let mut expected = found.clone();
         for trial in trials {
@@ -322,7 +318,10 @@ impl Calibration {
         let mut memory = <(Expectation, Hits)>::default();
         let mut of_place = vec![(0.0, 0.0); num_places];
         let [mut sum, mut count] = [0.0; 2];
-        for trial in trials.iter().filter(|it| self.place_of(it) == TrialPlace::Other) {
+        for trial in trials
+            .iter()
+            .filter(|it| self.place_of(it) == TrialPlace::Other)
+        {
             let [.., odds] = self.scores(&mut memory, trial, RATE_SIZE);
             let of_place = &mut of_place[trial.node];
             *of_place = (of_place.0 + odds, of_place.1 + 1.0);
@@ -331,9 +330,8 @@ impl Calibration {
         }
         if count > 0.0 {
             let mean = sum / count;
-            let level = |(sum, count): (f64, f64)| {
-                (sum + LEVEL_PRIOR * mean) / (count + LEVEL_PRIOR)
-            };
+            let level =
+                |(sum, count): (f64, f64)| (sum + LEVEL_PRIOR * mean) / (count + LEVEL_PRIOR);
             self.levels = of_place.into_iter().map(level).collect();
         }
     }
@@ -341,7 +339,9 @@ impl Calibration {
     /// Under which conditions the held-out images show their own place.
     fn learn_conditions(&mut self, trials: &[Trial]) {
         let (mut expectation, mut hits) = <(Expectation, Hits)>::default();
-        let of_own = trials.iter().filter(|it| self.place_of(it) == TrialPlace::Own);
+        let of_own = trials
+            .iter()
+            .filter(|it| self.place_of(it) == TrialPlace::Own);
         let images: Vec<Conditions> = of_own
             .map(|trial| {
                 let mut most = [f64::NEG_INFINITY; CONDITIONS.len()];

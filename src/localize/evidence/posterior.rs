@@ -219,8 +219,7 @@ impl PosteriorCalibration {
             .map(|(by, width)| 0.5 * (by / width).powi(2))
             .sum();
         cases.iter().fold(drawn, |loss, case| {
-            loss + case.weight
-                * (log_sum_exp(case.logs(self)) - log_sum_exp(case.right_logs(self)))
+            loss + case.weight * (log_sum_exp(case.logs(self)) - log_sum_exp(case.right_logs(self)))
         })
     }
 

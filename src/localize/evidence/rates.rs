@@ -295,7 +295,10 @@ impl Calibration {
                 .iter()
                 .all(|(score, rate)| score.is_finite() && is_rate(rate))
             && is_rate(&self.false_rate)
-            && self.conditions.iter().all(|share| *share > 0.0 && *share <= 1.0)
+            && self
+                .conditions
+                .iter()
+                .all(|share| *share > 0.0 && *share <= 1.0)
             && self.neighbours.holds_together(num_places)
             && [0, num_places].contains(&self.repeatability.len())
             && self

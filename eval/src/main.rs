@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, ensure};
+use chronotope::Time;
 use chronotope_eval::judge::pooled::{POOLED_SUITES, compare_pooled};
 use chronotope_eval::judge::{compare, exact};
 use chronotope_eval::report::{self, ReportInput};
-use chronotope_eval::results::SuiteResults;
+use chronotope_eval::results::{SuiteResults, Tolerance};
 use chronotope_eval::run::replay;
 use chronotope_eval::run::{RunOptions, run};
 use chronotope_eval::series;
@@ -25,6 +26,7 @@ use clap::{Parser, Subcommand};
     after_help = "Examples:
   chronotope-eval list
   chronotope-eval run synthetic --out target/demo
+  chronotope-eval run --data my-photos/ --query my-photos-of-june/
   chronotope-eval run stromovka-loo --data ~/datasets --out target/eval
   chronotope-eval compare old/lasvegas.json target/eval/lasvegas.json"
 )]
@@ -74,11 +76,84 @@ enum Command {
 /// A suite and its data.
 #[derive(clap::Args)]
 struct SuiteArgs {
-    /// The suite; see `list`.
-    suite: String,
+    /// The suite (see `list`) or a file of your own (*.toml); left out, the images in DATA are
+    /// evaluated, which may be any folder or manifest that `chronotope map build` reads.
+    suite: Option<String>,
     /// The dataset's folder, or the folder that holds several datasets.
     #[arg(long, env = "CHRONOTOPE_DATA")]
     data: Option<PathBuf>,
+    /// How far from the true place an answer may be to count as right as well: places:K along the
+    /// route, edges:K by edges.csv, or metres:R by the poses of the places.
+    #[arg(long)]
+    tolerance: Option<Tolerance>,
+    #[command(flatten)]
+    protocol: ProtocolArgs,
+}
+
+/// What is learnt and what is queried of a folder of images; by default the split of its manifest,
+/// else one visit is left out where places have few, else the latest quarter is queried.
+#[derive(clap::Args)]
+#[group(multiple = false)]
+struct ProtocolArgs {
+    /// Without a suite: learn the images before this time, query the others.
+    #[arg(long, value_name = "TIME", value_parser = Time::parse)]
+    learn_until: Option<Time>,
+    /// Without a suite: learn and query what a CSV file says, in rows of path,side with the sides
+    /// learn and query.
+    #[arg(long, value_name = "FILE")]
+    split: Option<PathBuf>,
+    /// Without a suite: leave each visit of each place out once and query it.
+    #[arg(long)]
+    leave_one_out: bool,
+    /// Without a suite: learn DATA, query the images of this folder or manifest.
+    #[arg(long, value_name = "DIR")]
+    query: Option<PathBuf>,
+}
+
+impl ProtocolArgs {
+    fn protocol(self) -> Option<Protocol> {
+        if let Some(learn_until) = self.learn_until {
+            return Some(Protocol::Route {
+                learn_from: None,
+                learn_until,
+                query_from: None,
+                query_until: None,
+            });
+        }
+        if let Some(file) = self.split {
+            return Some(Protocol::Listed { file });
+        }
+        if let Some(query) = self.query {
+            return Some(Protocol::OtherFolder { query });
+        }
+        self.leave_one_out.then_some(Protocol::LeaveOneVisitOut)
+    }
+}
+
+impl SuiteArgs {
+    /// The suite, and the folder of its data.
+    fn suite(self) -> Result<(Suite, Option<PathBuf>)> {
+        let protocol = self.protocol.protocol();
+        let Some(name) = self.suite else {
+            let data = self.data.context(
+                "name a suite, or the folder of your own images with --data DIR (help: \
+                 `chronotope-eval list` shows the suites)",
+            )?;
+            let suite =
+                Suite::of_folder(&data, protocol.unwrap_or(Protocol::Auto), self.tolerance)?;
+            return Ok((suite, Some(data)));
+        };
+        ensure!(
+            protocol.is_none(),
+            "suite `{name}` says itself what is learnt and queried (help: leave it out to evaluate \
+             the images in DATA)"
+        );
+        let mut suite = Suite::find(&name)?;
+        if self.tolerance.is_some() {
+            suite = suite.with_tolerance(self.tolerance)?;
+        }
+        Ok((suite, self.data))
+    }
 }
 
 /// What is run.
@@ -236,7 +311,7 @@ fn main_of(args: Args) -> Result<ExitCode> {
 }
 
 fn run_command(args: RunArgs) -> Result<()> {
-    let suite = Suite::find(&args.suite.suite)?;
+    let (suite, data) = args.suite.suite()?;
     args.replays.check(&suite)?;
     ensure!(
         args.share.is_none() || matches!(suite.protocol, Protocol::Series { .. }),
@@ -249,7 +324,7 @@ fn run_command(args: RunArgs) -> Result<()> {
         suite.name
     );
     let options = RunOptions {
-        data: args.suite.data,
+        data,
         cache: args.cache.unwrap_or_else(|| args.out.join("cache")),
         out: args.out,
         share: args.share,
@@ -264,9 +339,9 @@ fn replay_command(args: ReplayArgs) -> Result<()> {
         args.replays.is_wanted(),
         "a replay needs somewhere to go (help: --trace OUT.jsonl)"
     );
-    let suite = Suite::find(&args.suite.suite)?;
+    let (suite, data) = args.suite.suite()?;
     let options = RunOptions {
-        data: args.suite.data,
+        data,
         cache: args.cache,
         command: command_line(),
         ..RunOptions::default()

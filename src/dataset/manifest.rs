@@ -19,7 +19,7 @@ use crate::map::PlaceKey;
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::{Period, Time};
 
-const BUILTIN: [(&str, &str); 5] = [
+const BUILTIN: [(&str, &str); 8] = [
     (
         "datasets/stromovka.toml",
         include_str!("../../datasets/stromovka.toml"),
@@ -39,6 +39,18 @@ const BUILTIN: [(&str, &str); 5] = [
     (
         "datasets/tilde.toml",
         include_str!("../../datasets/tilde.toml"),
+    ),
+    (
+        "datasets/floors.toml",
+        include_str!("../../datasets/floors.toml"),
+    ),
+    (
+        "datasets/corridor.toml",
+        include_str!("../../datasets/corridor.toml"),
+    ),
+    (
+        "datasets/nclt.toml",
+        include_str!("../../datasets/nclt.toml"),
     ),
 ];
 
@@ -176,7 +188,11 @@ pub enum Layout {
         )]
         rotation: Rotation,
         /// The places.
+        #[serde(default)]
         place: Vec<NcltPlace>,
+        /// Instead of places: one every so many metres along the earliest session with poses.
+        #[serde(default)]
+        spacing_m: Option<f64>,
     },
 }
 
@@ -523,6 +539,7 @@ impl Layout {
                 radius_m,
                 max_pose_gap_s,
                 place,
+                spacing_m,
                 ..
             } => {
                 let bad = |message: String, help: &str| {
@@ -541,8 +558,26 @@ impl Layout {
                         return bad(format!("{name} is {value}"), "write a positive number");
                     }
                 }
-                if place.is_empty() {
-                    return bad("there is no place".into(), "write [[layout.place]] tables");
+                match spacing_m {
+                    None if place.is_empty() => {
+                        return bad(
+                            "there is no place".into(),
+                            "write [[layout.place]] tables, or spacing_m",
+                        );
+                    }
+                    Some(_) if !place.is_empty() => {
+                        return bad(
+                            "there are places and spacing_m".into(),
+                            "remove spacing_m, or the places",
+                        );
+                    }
+                    Some(spacing_m) if !(spacing_m.is_finite() && *spacing_m >= 2.0 * radius_m) => {
+                        return bad(
+                            format!("spacing_m is {spacing_m}"),
+                            "write at least twice radius_m, so that places do not overlap",
+                        );
+                    }
+                    _ => {}
                 }
                 for (position, one) in place.iter().enumerate() {
                     let heading = one.heading_deg.unwrap_or(0.0);

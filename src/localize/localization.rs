@@ -177,7 +177,7 @@ impl fmt::Display for Reason {
                 let needed = percent(1.0 - allowed);
                 write!(
                     f,
-                    "the best place has {first:.1} % (an answer needs {needed:.1} %), elsewhere \
+                    "the best place has {first:.1} % (an answer needs {needed:.1} %), off the map \
                      {off_map:.1} %"
                 )
             }

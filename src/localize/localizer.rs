@@ -464,6 +464,17 @@ impl Localizer {
         (decision, region)
     }
 
+    /// How many steps one place is away from another, if at most `most`: along the map's edges and
+    /// the ways that the robot took when it learnt the map. `None` also without calibration.
+    pub fn steps_between(&self, from: NodeId, to: NodeId, most: usize) -> Option<usize> {
+        if from == to {
+            return Some(0);
+        }
+        let around = self.calibration.as_ref()?.neighbours.around(from, most);
+        let found = around.into_iter().find(|(node, _)| *node == to);
+        found.map(|(_, steps)| steps)
+    }
+
     /// The places that share an answer with one.
     fn beside(&self, node: NodeId) -> &[u32] {
         (self.calibration.as_ref()).map_or(&[], |known| known.neighbours.beside(node))

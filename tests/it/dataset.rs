@@ -682,7 +682,7 @@ fn built_in_manifests_are_complete_and_read_times_from_names() {
     let error = Manifest::find_builtin("oxford").unwrap_err().to_string();
     assert_eq!(
         error,
-        "no supported dataset is called `oxford` (help: choose one of stromovka, michigan, witham_wharf, lasvegas, tilde, or give a folder with an index.csv or a manifest)"
+        "no supported dataset is called `oxford` (help: choose one of stromovka, michigan, witham_wharf, lasvegas, tilde, floors, corridor, nclt, or give a folder with an index.csv or a manifest)"
     );
     let tilde = Manifest::find_builtin("tilde").unwrap();
     let zone = |place: &str| tilde.zone_of(&PlaceKey::new(place).unwrap());

@@ -6,7 +6,7 @@ use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
 use chronotope::feature::{Extractor, Features, StarBrief};
 use chronotope::learn::{LearnConfig, Learner, Observation};
 use chronotope::localize::{
-    Decision, Localization, Localizer, LocalizerConfig, MotionConfig, Preset, Query, Tracker,
+    Localization, Localizer, LocalizerConfig, MotionConfig, Preset, Query, Tracker,
 };
 use chronotope::map::{Edge, MapMeta, SessionId, Snapshot};
 use chronotope::predict::Selection;
@@ -70,7 +70,7 @@ fn a_way_through_the_street_is_followed_and_a_kidnapping_is_noticed() {
     let mut answer = Localization::default();
     let (mut alone, mut followed, mut located) = (0, 0, [0, 0]);
     for (round, &start) in schedule.query.iter().enumerate() {
-        let mut tracker = Tracker::new(&snapshot, MotionConfig::default()).expect("valid");
+        let mut tracker = Tracker::new(&localizer, MotionConfig::default()).expect("valid");
         for (image, &place) in ROUTE.iter().enumerate() {
             let time = start.plus_us(image as i64 * Period::DAY.as_us() / 1440);
             let live = features(&world, place, time, round as u64);
@@ -82,9 +82,8 @@ fn a_way_through_the_street_is_followed_and_a_kidnapping_is_noticed() {
                 let first = answer.first().expect("places");
                 snapshot.node(first.node).key == world.places()[place]
             };
-            let is_located = |answer: &Localization| {
-                is_right(answer) && matches!(answer.decision, Decision::At(_))
-            };
+            let is_located =
+                |answer: &Localization| is_right(answer) && answer.decision.place().is_some();
             // Just after the kidnapping the past is wrong, and outweighs one weak image.
             let is_kidnapped = (KIDNAPPED_AT..KIDNAPPED_AT + 2).contains(&image);
             alone += usize::from(!is_kidnapped && is_right(&answer));

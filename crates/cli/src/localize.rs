@@ -14,6 +14,7 @@ use super::outcome::Outcome;
 use super::output::Output;
 use super::pictures::{Picture, Pictures, TimeSource};
 use super::warnings::{print_held, print_num_held, warn_of_time};
+use super::within::Within;
 use chronotope::error::Error;
 use chronotope::feature::{LoadOptions, load_mask};
 use chronotope::learn::{BudgetConfig, LearnConfig};
@@ -82,9 +83,13 @@ pub(super) struct LocalizeArgs {
     #[arg(long)]
     learn: bool,
     /// Take the images as one way, in the order given: what was believed before moves along the
-    /// map's edges and counts too. The table [motion] of --config says how the robot moves.
+    /// map's edges (where it has none, along the ways that it was learnt on) and counts too. The table [motion] of --config says how the robot moves.
     #[arg(long)]
     track: bool,
+    /// Count an answer that leaves several neighbouring places open as located (exit code 0) if all
+    /// of them are so near the first.
+    #[arg(long, value_name = "edges:K|metres:R")]
+    within: Option<Within>,
     /// Whether to keep what is worked out of the map in a file beside it, MAP.*.query, so that the
     /// next call starts at once: `auto` where that took more than a second. Answers are the same
     /// without, and the files may be deleted at any time. --learn has none.
@@ -120,10 +125,8 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
     let needs_time = config.localize.method().needs_time();
     let (trace, results) = args.outputs(out)?;
     let robot = Robot::open(path, args.robot(config)?)?;
-    if args.track && robot.localizer().snapshot().edges.is_empty() {
-        eprintln!("warning: the map has no edges, so the robot may go from any place to any other");
-    }
     let mut guide = Guide::new(robot, trace, results);
+    guide.within = args.within;
     guide.form = match (args.json, args.images.len()) {
         (true, _) => Form::Json,
         (false, 1) => Form::Sheet,
@@ -308,6 +311,7 @@ struct Guide<'o> {
     out: &'o mut Output,
     form: Form,
     outcome: Outcome,
+    within: Option<Within>,
     is_warned: bool,
     /// Whether it was said that the map has reached its budget.
     is_full: bool,
@@ -321,6 +325,7 @@ impl<'o> Guide<'o> {
             out,
             form: Form::Line,
             outcome: Outcome::Good,
+            within: None,
             is_warned: false,
             is_full: false,
         }
@@ -379,7 +384,12 @@ impl<'o> Guide<'o> {
             self.is_warned = warn_of_time(localizer.snapshot(), time, Some(&picture.name));
         }
         let answer = self.robot.answer();
-        if self.outcome == Outcome::Good && !matches!(answer.decision, Decision::At(_)) {
+        let is_located = match (answer.decision, self.within) {
+            (Decision::At(_), _) => true,
+            (Decision::Near(_), Some(within)) => within.holds(localizer, &answer.region),
+            _ => false,
+        };
+        if self.outcome == Outcome::Good && !is_located {
             self.outcome = Outcome::Doubtful;
         }
         if let Some(sink) = &mut self.trace {
@@ -479,6 +489,9 @@ struct Report<'a> {
     decision: &'static str,
     /// Where it is, if that was decided.
     place: Option<&'a PlaceKey>,
+    /// The neighbouring places that are left open, most probable first, where it is near one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    region: Option<Vec<&'a PlaceKey>>,
     /// The first place, whatever was decided.
     best: Option<Share<'a>>,
     second: Option<Share<'a>>,
@@ -529,11 +542,14 @@ impl<'a> Report<'a> {
             .filter(|vote| vote.num_inliers > 0);
         let (decision, place) = match answer.decision {
             Decision::At(id) => ("at", Some(key(id))),
+            Decision::Near(id) => ("near", Some(key(id))),
             Decision::Ambiguous => ("ambiguous", None),
             _ => ("unknown", None),
         };
+        let is_near = matches!(answer.decision, Decision::Near(_));
         Self {
             image: &picture.name,
+            region: is_near.then(|| answer.region.iter().map(|&id| key(id)).collect()),
             time: picture.time.map(|(time, _)| time.to_string()),
             time_source: picture.time.map(|(_, source)| source),
             decision,
@@ -554,8 +570,17 @@ impl<'a> Report<'a> {
         }
     }
 
-    fn verdict(&self) -> &str {
-        self.place.map_or(self.decision, PlaceKey::as_str)
+    fn verdict(&self) -> String {
+        let names: Vec<&str> = match &self.region {
+            Some(region) => region.iter().map(|place| place.as_str()).collect(),
+            None => vec![self.place.map_or(self.decision, PlaceKey::as_str)],
+        };
+        match names.split_last() {
+            Some((last, [])) => (*last).to_owned(),
+            Some((last, [one])) => format!("between {one} and {last}"),
+            Some((last, more)) => format!("among {} and {last}", more.join(", ")),
+            None => String::new(),
+        }
     }
 
     fn displacement(&self) -> String {

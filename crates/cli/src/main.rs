@@ -28,6 +28,7 @@ mod progress;
 mod spectrum;
 mod spectrum_svg;
 mod warnings;
+mod within;
 
 use std::io::IsTerminal;
 use std::process::ExitCode;

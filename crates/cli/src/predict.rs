@@ -16,6 +16,7 @@ use chronotope::localize::{Localizer, Method, Preset};
 use chronotope::map::{Map, NodeId, PlaceKey, Snapshot};
 use chronotope::predict::{PredictedMap, Selection};
 use chronotope::time::Time;
+use chronotope::visibility::{Visits, fit_cautious};
 
 /// Show which features of each place are most likely visible at a time.
 #[derive(Debug, Args)]
@@ -75,16 +76,26 @@ pub(super) fn run(args: &PredictArgs, out: &mut Output) -> Result<Outcome> {
         };
         predicted.predict(model, time, localizer.cfg().selection());
         let node = snapshot.node(id);
+        let sure = fit_cautious(&node.log, localizer.cfg().visibility(), Visits::All)
+            .map_err(|error| error.with_path(map.path()))?;
+        // The p that places are recognised by, and the interval of what the visits bear out.
         let features = || {
             (predicted.features().iter())
                 .zip(predicted.probabilities())
-                .map(|(&id, &p)| (id, node.features.keypoints()[id as usize], p))
+                .map(|(&id, &p)| {
+                    let at = sure.estimate(id as usize, time);
+                    let interval = (at.low.min(p), at.high.max(p));
+                    (id, node.features.keypoints()[id as usize], p, interval)
+                })
         };
         if args.json {
             let features: Vec<_> = features()
-                .map(
-                    |(id, keypoint, p)| json!({"id": id, "x": keypoint.x, "y": keypoint.y, "p": p}),
-                )
+                .map(|(id, keypoint, p, (low, high))| {
+                    json!({
+                        "id": id, "x": keypoint.x, "y": keypoint.y,
+                        "p": p, "low": low, "high": high,
+                    })
+                })
                 .collect();
             out.json(&json!({
                 "place": node.key,
@@ -100,10 +111,10 @@ pub(super) fn run(args: &PredictArgs, out: &mut Output) -> Result<Outcome> {
             predicted.len(),
             node.features.len()
         ))?;
-        out.line("      id        x        y   p(t)")?;
-        for (id, keypoint, p) in features() {
+        out.line("      id        x        y   p(t)  95 % interval")?;
+        for (id, keypoint, p, (low, high)) in features() {
             out.line(format_args!(
-                "{id:8} {:8.1} {:8.1}  {p:.3}",
+                "{id:8} {:8.1} {:8.1}  {p:.3}  {low:.3} to {high:.3}",
                 keypoint.x, keypoint.y
             ))?;
         }

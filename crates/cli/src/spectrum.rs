@@ -10,11 +10,12 @@ use serde_json::{Value, json};
 use super::outcome::Outcome;
 use super::output::Output;
 use super::spectrum_svg::{Picture, SVG, times};
-use fremen::Series;
 use fremen::file::OutputFile;
 use fremen::series::{Columns, time_of_cell};
 use fremen::spectrum::{CandidatePeriods, Component, SpectralSums};
+use fremen::visibility::{Estimate, Order, VisibilityConfig};
 use fremen::{Error, ErrorKind, Period, Time};
+use fremen::{Series, SeriesModel};
 
 /// Fewer samples than this are not split: every order would be chosen by chance.
 const MIN_SAMPLES: usize = 16;
@@ -23,7 +24,9 @@ const MIN_SAMPLES: usize = 16;
 ///
 /// Learns from the earlier samples, judges every model on the latest ones, then learns the chosen
 /// ones again from all. `natural` is the model to use; `fremen` is the papers', with the order that
-/// predicted the latest samples best.
+/// predicted the latest samples best. Predictions of either are believed as far as the samples
+/// reach, and come with a 95 % interval: at hours that were never sampled p is near the mean, and
+/// the interval wide.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Rows are TIME,STATE: time in RFC 3339 with an offset or in seconds since 1970, state 0 or 1 (empty: missing).
@@ -85,7 +88,7 @@ struct Learnt {
     model: &'static str,
     mean: f64,
     components: Vec<Component>,
-    predicted: Vec<f64>,
+    predicted: Vec<Estimate>,
 }
 
 pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
@@ -135,7 +138,7 @@ pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
             title: args.file.display().to_string(),
             states: series.states(),
             times: &drawn,
-            curves: curves.iter().map(|(name, p)| (*name, &p[..])).collect(),
+            curves: curves.iter().map(|(name, at)| (*name, &at[..])).collect(),
             periodogram: &series.periodogram(&candidates)?,
         };
         file.write_all(picture.svg().as_bytes())
@@ -209,21 +212,16 @@ fn learn(
     order: usize,
     times: &[Time],
 ) -> fremen::Result<Vec<Learnt>> {
-    let natural = series.learn()?;
-    let rhythms = sums(series.states(), candidates)?.rhythms(order);
+    let fremen = VisibilityConfig::fremen(candidates.clone(), Order::Fixed(order));
+    let learnt = |name, model: SeriesModel| Learnt {
+        model: name,
+        mean: model.mean().or(series.mean()).unwrap_or_default(),
+        components: model.components(),
+        predicted: times.iter().map(|&time| model.estimate(time)).collect(),
+    };
     Ok(vec![
-        Learnt {
-            model: "natural",
-            mean: natural.level().or(series.mean()).unwrap_or_default(),
-            components: natural.components(),
-            predicted: times.iter().map(|&time| natural.p(time)).collect(),
-        },
-        Learnt {
-            model: "fremen",
-            mean: rhythms.mean(),
-            components: rhythms.components().collect(),
-            predicted: times.iter().map(|&time| rhythms.p(time)).collect(),
-        },
+        learnt("natural", series.learn()?),
+        learnt("fremen", series.learn_with(&fremen)?),
     ])
 }
 
@@ -262,7 +260,9 @@ fn as_json(
             })
         });
         let predicted = args.predict_at.iter().zip(&model.predicted);
-        let predicted = predicted.map(|(time, p)| json!({"time": time.to_string(), "p": p}));
+        let predicted = predicted.map(|(time, at)| {
+            json!({"time": time.to_string(), "p": at.p, "low": at.low, "high": at.high})
+        });
         json!({
             "model": model.model,
             "mean": model.mean,
@@ -338,8 +338,11 @@ fn show(
                 to_the_second(first_peak(component, first))
             ))?;
         }
-        for (time, p) in args.predict_at.iter().zip(&model.predicted) {
-            out.line(format_args!("  p({time}) = {p:.3}"))?;
+        for (time, at) in args.predict_at.iter().zip(&model.predicted) {
+            let Estimate { p, low, high } = at;
+            out.line(format_args!(
+                "  p({time}) = {p:.3} (95 % interval {low:.3} to {high:.3})"
+            ))?;
         }
     }
     Ok(())

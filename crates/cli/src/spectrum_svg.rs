@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 
 use fremen::file::OutputKind;
 use fremen::spectrum::Periodogram;
+use fremen::visibility::Estimate;
 use fremen::{Period, Time};
 
 const WIDTH: f64 = 960.0;
@@ -32,8 +33,8 @@ pub(super) struct Picture<'a> {
     pub(super) states: &'a [(Time, bool)],
     /// As [`times`] gives them.
     pub(super) times: &'a [Time],
-    /// Names of models with p at these times.
-    pub(super) curves: Vec<(&'static str, &'a [f64])>,
+    /// Names of models with p and its interval at these times.
+    pub(super) curves: Vec<(&'static str, &'a [Estimate])>,
     pub(super) periodogram: &'a Periodogram,
 }
 
@@ -102,9 +103,23 @@ impl Picture<'_> {
         let mut x = LEFT;
         for (i, (name, values)) in self.curves.iter().enumerate() {
             let (colour, dashes) = [("#0072b2", "none"), ("#d55e00", "6 3")][i % 2];
-            let points: Vec<String> = (self.times.iter().zip(*values))
-                .map(|(&time, &p)| format!("{:.1},{:.1}", px(time), py(p)))
-                .collect();
+            let line = |of: fn(&Estimate) -> f64| -> Vec<String> {
+                let at = self.times.iter().zip(*values);
+                at.map(|(&time, it)| format!("{:.1},{:.1}", px(time), py(of(it))))
+                    .collect()
+            };
+            let points = line(|it| it.p);
+            // The interval of the first model, the one to use.
+            if i == 0 {
+                let mut band = line(|it| it.high);
+                band.extend(line(|it| it.low).into_iter().rev());
+                let _ = writeln!(
+                    svg,
+                    "<polygon class=\"interval\" fill=\"{colour}\" fill-opacity=\".15\" \
+                     points=\"{}\"/>",
+                    band.join(" ")
+                );
+            }
             let _ = writeln!(
                 svg,
                 "<polyline class=\"p\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.5\" \
@@ -116,7 +131,7 @@ impl Picture<'_> {
         }
         let _ = writeln!(
             svg,
-            "<text x=\"{x}\" y=\"50\" fill=\"#555\">p(t), learnt from all samples; grey: the state was 1</text>"
+            "<text x=\"{x}\" y=\"50\" fill=\"#555\">p(t), learnt from all samples; shaded: its 95 % interval; grey: the state was 1</text>"
         );
     }
 
@@ -206,7 +221,12 @@ mod tests {
         for states in [&ends[..], &ends[..1], &[]] {
             let times = times(states);
             let periodogram = Periodogram::new(states, &candidates).expect("few");
-            let p = vec![0.5; times.len()];
+            let at = Estimate {
+                p: 0.5,
+                low: 0.25,
+                high: 0.75,
+            };
+            let p = vec![at; times.len()];
             let picture = Picture {
                 title: "<a> & b".into(),
                 states,

@@ -2,32 +2,30 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result};
-use chronotope::dataset::{Dataset, Manifest};
+use anyhow::Result;
 
 use super::features::{ExtractedDataset, extractor};
 use super::folds::{Fold, folds};
+use super::opened::open;
 use crate::progress::Progress;
 use crate::suite::Suite;
 
+/// The images of a suite.
+pub(crate) struct Images {
+    pub(crate) data: ExtractedDataset,
+    pub(crate) folds: Vec<Fold>,
+    /// What is learnt and queried, in words.
+    pub(crate) split: String,
+}
+
 /// The images of a suite with their features, and its folds.
-pub(crate) fn images(
-    suite: &Suite,
-    data: Option<&Path>,
-    cache: &Path,
-) -> Result<(ExtractedDataset, Vec<Fold>)> {
-    let manifest = Manifest::find_builtin(&suite.dataset)?;
-    let data = data.with_context(|| {
-        format!(
-            "suite `{}` needs images: name the folder of `{}` with --data DIR or the variable \
-             CHRONOTOPE_DATA",
-            suite.name, suite.dataset
-        )
-    })?;
-    let dataset = Dataset::open_with(&manifest, data)?;
+pub(crate) fn images(suite: &Suite, data: Option<&Path>, cache: &Path) -> Result<Images> {
+    let (dataset, split) = open(suite, data)?;
+    // A split that leaves nothing fails before the long part.
+    folds(suite, &dataset, split.as_ref())?;
     let bar = Progress::new(dataset.entries.len(), "features");
-    let extracted = ExtractedDataset::new(dataset, &extractor()?, Some(cache), &|| bar.inc())?;
+    let data = ExtractedDataset::new(dataset, &extractor()?, Some(cache), &|| bar.inc())?;
     drop(bar);
-    let folds = folds(&suite.protocol, &extracted.dataset, Some(&manifest))?;
-    Ok((extracted, folds))
+    let (folds, split) = folds(suite, &data.dataset, split.as_ref())?;
+    Ok(Images { data, folds, split })
 }

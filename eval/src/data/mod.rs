@@ -3,11 +3,14 @@
 mod features;
 mod folds;
 mod images;
+mod nearness;
+mod opened;
 mod worlds;
 
 pub(crate) use features::extractor;
 pub use features::{Extracted, ExtractedDataset};
 pub use folds::{Fold, folds};
 pub(crate) use folds::{photograph, split_at, visit_numbers, without_duplicates};
-pub(crate) use images::images;
+pub(crate) use images::{Images, images};
+pub(crate) use nearness::Nearness;
 pub(crate) use worlds::{Worlds, prefix};

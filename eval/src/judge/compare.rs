@@ -189,6 +189,7 @@ mod tests {
             results.queries.push(Query {
                 id: i.to_string(),
                 truth: Some("a".into()),
+                near: Vec::new(),
                 group: None,
                 answers: BTreeMap::from([(key.to_string(), answer)]),
             });

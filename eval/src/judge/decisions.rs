@@ -20,16 +20,21 @@ const RISKS: [f64; 14] = [
 const ROUNDING: f64 = 5e-5;
 
 /// What is decided about `judged`; with `has_own` their stored decisions count, else they are taken
-/// here.
-pub(super) fn decisions(judged: &[Judged<'_>], risk: f64, has_own: bool) -> Decisions {
+/// here. With `has_tolerance`, what is wrong beyond the run's tolerance is counted as well.
+pub(super) fn decisions(
+    judged: &[Judged<'_>],
+    risk: f64,
+    has_own: bool,
+    has_tolerance: bool,
+) -> Decisions {
     let decide = |it: &Judged<'_>| -> Rule {
         // Which place it is does not matter here.
         let place = NodeId(0);
         match it.answer.decision {
             _ if !has_own => Rule::by_risk(place, it.claim.confidence, it.off_map(), risk),
-            Decision::At(_) => Rule::At(place),
+            ref own if own.located().is_some() => Rule::At(place),
             Decision::Ambiguous => Rule::Ambiguous,
-            Decision::Unknown => Rule::Unknown,
+            _ => Rule::Unknown,
         }
     };
     let outcome = |wanted: Rule| {
@@ -37,6 +42,10 @@ pub(super) fn decisions(judged: &[Judged<'_>], risk: f64, has_own: bool) -> Deci
         Outcome {
             share: rate(judged, is_so),
             wrong: rate(judged, |it| is_so(it) * (1.0 - it.claim.right)).value,
+            wrong_within: has_tolerance.then(|| {
+                let is_wrong = |it: &Judged<'_>| it.query.wrong_within(it.answer);
+                rate(judged, |it| is_so(it) * is_wrong(it)).value
+            }),
         }
     };
     Decisions {
@@ -98,6 +107,7 @@ mod tests {
         let query = |p: f64, off_map: f64, decision| Query {
             id: String::new(),
             truth: Some("a".into()),
+            near: Vec::new(),
             group: None,
             answers: BTreeMap::from([(
                 "default/static/mean/count/0/50".to_owned(),
@@ -119,7 +129,7 @@ mod tests {
             .filter_map(|query| Judged::of(query, "default/static/mean/count/0/50"))
             .collect();
         let shares = |has_own| {
-            let all = decisions(&judged, 0.1, has_own);
+            let all = decisions(&judged, 0.1, has_own, false);
             [all.located, all.ambiguous, all.unknown].map(|it| (it.share.value, it.wrong))
         };
         assert_eq!(shares(false), [(0.25, 0.25), (0.25, 0.25), (0.5, 0.5)]);

@@ -326,6 +326,7 @@ mod tests {
             results.queries.push(Query {
                 id: i.to_string(),
                 truth: Some("a".into()),
+                near: Vec::new(),
                 group: None,
                 answers: answers.collect(),
             });

@@ -33,7 +33,7 @@ const JUDGED_N: [u32; 3] = [30, 50, 100];
 const PLAIN_SCORES: [&str; 2] = ["inliers", "count"];
 
 /// The score whose decisions are taken by risk while localising.
-const DECIDING_SCORE: &str = "likelihood";
+pub const DECIDING_SCORE: &str = "likelihood";
 
 fn calibration(judged: &[Judged<'_>]) -> Calibration {
     let claims = claims(judged);
@@ -69,6 +69,7 @@ fn judge(
     key: &RowKey,
     is_default: bool,
     part: Option<&str>,
+    has_tolerance: bool,
 ) -> Option<Judgement> {
     let cfg = LocalizerConfig::default();
     let name = key.to_string();
@@ -96,12 +97,12 @@ fn judge(
             recall_at_1: rate(&in_map, |it| it.claim.right),
             recall_at_5: rate(&in_map, |it| recall_at(&it.answer.posterior, it.truth(), 5)),
             retrieval: retrieval(&claims(&in_map), in_map.len() as f64),
-            decisions: decisions(&in_map, cfg.risk(), decides),
+            decisions: decisions(&in_map, cfg.risk(), decides, has_tolerance),
             calibration: calibration(&in_map),
         },
         out_of_map: (!out_of_map.is_empty()).then(|| OutOfMap {
             queries: out_of_map.len() as u32,
-            decisions: decisions(&out_of_map, cfg.risk(), decides),
+            decisions: decisions(&out_of_map, cfg.risk(), decides, false),
             calibration: calibration(&out_of_map),
         }),
         mixed: mixed.map(|mixed| {
@@ -180,10 +181,10 @@ pub fn judge_all(results: &SuiteResults, parts: &[String]) -> Vec<Judgement> {
                     continue;
                 }
                 let rows = results.rows.iter().filter(|row| row.variant == variant);
-                judgements.extend(
-                    (rows.filter(is_judged))
-                        .filter_map(|row| judge(&queries, &row.key(), row.is_default, part)),
-                );
+                judgements.extend(rows.filter(is_judged).filter_map(|row| {
+                    let has_tolerance = results.tolerance.is_some();
+                    judge(&queries, &row.key(), row.is_default, part, has_tolerance)
+                }));
             }
         }
     }
@@ -218,6 +219,7 @@ mod tests {
         Query {
             id: id.into(),
             truth: truth.map(str::to_owned),
+            near: Vec::new(),
             group: None,
             answers: BTreeMap::from([
                 (key("likelihood").to_string(), likelihood),

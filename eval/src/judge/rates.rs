@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::statistics::{Estimate, Sample};
-use crate::results::{Decision, Query, Row, RowKey};
+use crate::results::{DecisionOutcome, Query, Row, RowKey, Within};
 
 /// What the answers of one row add up to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,7 +33,7 @@ impl Tally {
             .filter_map(|query| query.answers.get(&key).map(|answer| (query, answer)));
         let sample = Sample::grouped(answered.map(|(query, answer)| {
             tied += u32::from(answer.is_tied());
-            unknown += u32::from(!matches!(answer.decision, Decision::At(_)));
+            unknown += u32::from(answer.decision.located().is_none());
             (query.group.as_deref(), answer.wrong(query.truth.as_deref()))
         }));
         Self {
@@ -62,7 +62,35 @@ impl Tally {
             pairs_compared: 0.0,
             ms_p50: 0.0,
             ms_p99: 0.0,
+            within: None,
         }
+    }
+}
+
+/// What the answers for `key` are worth within the run's tolerance; queries of places that the map
+/// lacks are left out, as in [`Tally::of`].
+pub fn within(queries: &[Query], key: &RowKey) -> Within {
+    let key = key.to_string();
+    let (mut located, mut wrong_exact, mut wrong) = (0, 0, 0);
+    let answered = (queries.iter())
+        .filter(|query| query.truth.is_some())
+        .filter_map(|query| query.answers.get(&key).map(|answer| (query, answer)));
+    let sample = Sample::grouped(answered.map(|(query, answer)| {
+        let outcome = query.outcome(&answer.decision);
+        located += u32::from(outcome != DecisionOutcome::NotLocated);
+        let is_off = matches!(outcome, DecisionOutcome::Near | DecisionOutcome::Wrong);
+        wrong_exact += u32::from(is_off);
+        wrong += u32::from(outcome == DecisionOutcome::Wrong);
+        (query.group.as_deref(), 1.0 - query.wrong_within(answer))
+    }));
+    let percent = sample.rate().scaled(100.0);
+    Within {
+        correct: sample.sum(),
+        ci_low: percent.interval.low,
+        ci_high: percent.interval.high,
+        located,
+        located_wrong_exact: wrong_exact,
+        located_wrong: wrong,
     }
 }
 
@@ -174,7 +202,7 @@ impl Confusion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::results::Answer;
+    use crate::results::{Answer, Decision};
     use proptest::prelude::*;
 
     fn query(id: usize, truth: &str, answers: &[(&str, &[&str])]) -> Query {
@@ -193,6 +221,7 @@ mod tests {
         Query {
             id: id.to_string(),
             truth: Some(truth.to_owned()),
+            near: Vec::new(),
             group: None,
             answers: answers
                 .iter()

@@ -53,6 +53,15 @@ pub(super) fn header_lines(results: &SuiteResults) -> Vec<(&'static str, String)
             size.into_iter().flatten().collect::<Vec<_>>().join(", "),
         ),
         ("Split", results.split.clone()),
+        (
+            "Tolerance",
+            (results.tolerance).map_or_else(String::new, |tolerance| {
+                format!(
+                    "an answer within {} also counts as right",
+                    tolerance.in_words()
+                )
+            }),
+        ),
         ("Leak check", leak),
         ("Clock", results.clock.clone()),
         ("Digest", results.dataset_sha256.clone()),

@@ -5,7 +5,8 @@
 //! paired difference excludes zero, the one with the largest difference, and of equals the
 //! smallest; where there is none, at the n that every run is shown at. This n is chosen by the
 //! queries themselves, so that the difference at it is larger than it would be on others of the
-//! kind; the plot and the tables have all n.
+//! kind; the plot and the tables have all n. A run of somebody's own images is shown at the n that is
+//! shipped, because that is what he would get ([`SuiteResults::shown_n`]).
 
 use std::fmt::Write as _;
 
@@ -51,6 +52,7 @@ impl Headline {
     /// Of a run; none without rows.
     pub(super) fn of(results: &SuiteResults) -> Option<Self> {
         let variant = headline_variant(results)?;
+        let fixed = results.shown_n.filter(|n| results.all_n().contains(n));
         let Some(other) = baseline(results, &variant) else {
             return Some(Self {
                 variant,
@@ -62,14 +64,16 @@ impl Headline {
         let against =
             |n: u32| PairedDifference::between(&results.queries, &other.at(n), &variant.at(n));
         let mut most: Option<(u32, f64)> = None;
-        for n in results.all_n() {
+        for n in results.all_n().into_iter().filter(|_| fixed.is_none()) {
             let clear = against(n).filter(|pair| pair.points.excludes_zero());
             let points = clear.map_or(0.0, |pair| pair.points.mean.abs());
             if points > most.map_or(0.0, |(_, most)| most) {
                 most = Some((n, points));
             }
         }
-        let n = most.map(|(n, _)| n).or_else(|| results.detail_n())?;
+        let n = fixed
+            .or(most.map(|(n, _)| n))
+            .or_else(|| results.detail_n())?;
         let against_static = against(n);
         let is_better =
             |pair: &PairedDifference| pair.points.excludes_zero() && pair.points.mean < 0.0;
@@ -103,6 +107,13 @@ impl Headline {
             );
         }
         text += ".\n";
+        if let (Some(tolerance), Some(percent)) = (results.tolerance, row.within_percent()) {
+            let _ = writeln!(
+                text,
+                "Within {} of the true place: {percent:.1} %.",
+                tolerance.in_words()
+            );
+        }
         if let Some(needs) = self.static_needs {
             let _ = writeln!(
                 text,
@@ -188,6 +199,7 @@ mod tests {
             results.queries.push(Query {
                 id: query.to_string(),
                 truth: Some("a".into()),
+                near: Vec::new(),
                 group: None,
                 answers: answers.collect(),
             });
@@ -229,6 +241,11 @@ mod tests {
         let headline = Headline::of(&run(&[(10, 1, 2), (50, 0, 1), (100, 0, 0)])).unwrap();
         assert_eq!((headline.n, headline.static_needs), (50, None));
         assert!(Headline::of(&SuiteResults::new("empty", "none")).is_none());
+        let mut own = run(&[(10, 30, 50), (20, 10, 40), (50, 0, 12)]);
+        own.shown_n = Some(50);
+        let headline = Headline::of(&own).unwrap();
+        assert_eq!(headline.n, 50);
+        assert_eq!(headline.against_static.unwrap().points.mean, -12.0);
     }
 
     #[test]

@@ -60,7 +60,7 @@ pub fn pictures(run: SuiteRun) -> Result<(SuiteResults, Pictures)> {
         localizer,
         ..showcase
     };
-    let answered = answered(&results, &data, &key, prefix.as_deref());
+    let answered = answered(&results, &data, &showcase, &key, prefix.as_deref());
     let pictures = Pictures {
         features: feature_pictures(&data, &showcase, &answered)?,
         curves: curves(&data, &showcase),
@@ -70,19 +70,22 @@ pub fn pictures(run: SuiteRun) -> Result<(SuiteResults, Pictures)> {
     Ok((results, pictures))
 }
 
-/// Every entry that was queried, with the answer.
+/// Every entry that was queried, with the answer; those of the first fold alone where an image is
+/// queried in several.
 fn answered<'r>(
     results: &'r SuiteResults,
     data: &ExtractedDataset,
+    showcase: &Showcase,
     key: &RowKey,
     prefix: Option<&str>,
 ) -> Vec<(usize, &'r Answer)> {
     let key = key.to_string();
     let ids: std::collections::BTreeMap<String, usize> = (data.dataset.entries.iter())
         .enumerate()
-        .map(|(index, entry)| match prefix {
-            Some(prefix) => (format!("{prefix}/{}", entry.id), index),
-            None => (entry.id.clone(), index),
+        .map(|(index, entry)| {
+            let id = showcase.fold.query_id(entry);
+            let id = prefix.map_or_else(|| id.clone(), |prefix| format!("{prefix}/{id}"));
+            (id, index)
         })
         .collect();
     (results.queries.iter())

@@ -35,6 +35,7 @@ pub fn render(results: &SuiteResults, n: Option<u32>) -> String {
     };
     over_n(&mut text, results);
     at_n(&mut text, results, n);
+    within_tolerance(&mut text, results, n);
     // Not every n is judged.
     let is_judged = results.judgement.iter().any(|it| it.n == n);
     let judged_n = results.detail_n().filter(|_| !is_judged).unwrap_or(n);
@@ -102,6 +103,38 @@ fn at_n(text: &mut String, results: &SuiteResults, n: u32) {
             short_count(row.pairs_compared),
             short_ms(row.ms_p50),
             short_ms(row.ms_p99)
+        );
+    });
+}
+
+/// What rows are worth within the run's tolerance; nothing where it has none.
+fn within_tolerance(text: &mut String, results: &SuiteResults, n: u32) {
+    let Some(tolerance) = results.tolerance else {
+        return;
+    };
+    let tolerance = tolerance.in_words();
+    let _ = writeln!(
+        text,
+        "\nWithin {tolerance}, n = {n}; of what was located, wrong exactly and beyond {tolerance}\n\
+         {:<NAME_WIDTH$}{:>9}{:>9} {:>16}{:>10}{:>9}{:>9}",
+        "method model order", "exact %", "within %", "interval", "located %", "exact %", "beyond %"
+    );
+    for_each_variant(text, results, |text, variant| {
+        let row = results.row(&variant.at(n));
+        let Some((row, within)) = row.and_then(|row| Some((row, row.within?))) else {
+            text.push_str("      -");
+            return;
+        };
+        let share = |count: f64, of: u32| 100.0 * count / f64::from(of.max(1));
+        let interval = format!("[{:.1}, {:.1}]", within.ci_low, within.ci_high);
+        let _ = write!(
+            text,
+            "{:>9.1}{:>9.1} {interval:>16}{:>10.1}{:>9.1}{:>9.1}",
+            share(row.correct, row.queries),
+            share(within.correct, row.queries),
+            share(f64::from(within.located), row.queries),
+            share(f64::from(within.located_wrong_exact), within.located),
+            share(f64::from(within.located_wrong), within.located)
         );
     });
 }

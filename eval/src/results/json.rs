@@ -189,6 +189,7 @@ mod tests {
             results.queries.push(Query {
                 id: format!("{i}.png"),
                 truth: Some("a".into()),
+                near: Vec::new(),
                 group: None,
                 answers: BTreeMap::from([(key().to_string(), answer)]),
             });
@@ -208,6 +209,7 @@ mod tests {
             pairs_compared: 240.0,
             ms_p50: 0.5,
             ms_p99: 0.75,
+            within: None,
         });
         results
     }

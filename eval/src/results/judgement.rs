@@ -78,6 +78,9 @@ pub struct Outcome {
     pub share: Measured,
     /// How many of all queries are decided so and have a wrong first choice.
     pub wrong: f64,
+    /// The same beyond the run's tolerance, where it has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wrong_within: Option<f64>,
 }
 
 /// What is decided at one risk.

@@ -19,14 +19,16 @@ mod judgement;
 mod key;
 mod rows;
 mod suite_results;
+mod tolerance;
 mod validate;
 
-pub use answer::{Answer, Decision, OFF_MAP, Query};
+pub use answer::{Answer, Decision, DecisionOutcome, OFF_MAP, Query};
 pub(crate) use json::write_atomically;
 pub use judgement::{
     Against, AtRisk, Bin, Calibration, Decisions, InMap, Judgement, Measured, Mixed, OutOfMap,
     Outcome, PrecisionRecall, Retrieval,
 };
 pub use key::{RowKey, RowOrder, Variant};
-pub use rows::{LeakCheck, Reobservation, Row, StageLatency, VisibilityError};
+pub use rows::{LeakCheck, Reobservation, Row, StageLatency, VisibilityError, Within};
 pub use suite_results::{SCHEMA_VERSION, SuiteResults};
+pub use tolerance::Tolerance;

@@ -36,6 +36,26 @@ pub struct Row {
     pub ms_p50: f64,
     /// The same, 99th percentile, ms.
     pub ms_p99: f64,
+    /// What the row is worth within the run's tolerance, where it has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub within: Option<Within>,
+}
+
+/// What a row is worth where an answer may be off by the run's [`Tolerance`](super::Tolerance).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Within {
+    /// Forced first choices within the tolerance, in queries, ties split.
+    pub correct: f64,
+    /// Lower end of the 95 % interval of their share, %.
+    pub ci_low: f64,
+    /// Upper end, %.
+    pub ci_high: f64,
+    /// Queries that the row's decision located; all that were answered for rows without a rule.
+    pub located: u32,
+    /// Of these, at any other than the true place.
+    pub located_wrong_exact: u32,
+    /// Of these, beyond the tolerance.
+    pub located_wrong: u32,
 }
 
 impl Row {
@@ -51,6 +71,12 @@ impl Row {
         } else {
             100.0 * self.wrong / f64::from(self.queries)
         }
+    }
+
+    /// Answers within the run's tolerance in per cent, where it has one.
+    pub fn within_percent(&self) -> Option<f64> {
+        let within = self.within?;
+        Some(100.0 * within.correct / f64::from(self.queries.max(1)))
     }
 }
 

@@ -8,6 +8,7 @@ use super::answer::Query;
 use super::judgement::Judgement;
 use super::key::{RowKey, Variant};
 use super::rows::{LeakCheck, Reobservation, Row, StageLatency, VisibilityError};
+use super::tolerance::Tolerance;
 
 /// The n that is shown in detail where a run has it.
 const DETAIL_N: u32 = 50;
@@ -39,6 +40,12 @@ pub struct SuiteResults {
     /// What was learnt and what was queried, in words.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub split: String,
+    /// How far an answer may be off and still be right "within".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tolerance: Option<Tolerance>,
+    /// The n that is shown first, where that is fixed beforehand.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shown_n: Option<u32>,
     /// Places in the map.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub num_places: Option<u32>,
@@ -85,6 +92,8 @@ impl SuiteResults {
             command: String::new(),
             clock: String::new(),
             split: String::new(),
+            tolerance: None,
+            shown_n: None,
             num_places: None,
             num_learnt_images: None,
             num_broken_images: None,

@@ -87,6 +87,20 @@ impl SuiteResults {
                 row.correct, row.wrong
             ));
         }
+        if let Some(within) = &row.within {
+            let shares = [within.correct, within.ci_low, within.ci_high];
+            let is_sound = shares.iter().all(|it| it.is_finite() && *it >= 0.0)
+                && within.correct <= queries + 1e-6
+                && within.located <= row.queries
+                && within.located_wrong <= within.located_wrong_exact
+                && within.located_wrong_exact <= within.located;
+            if !is_sound {
+                return Err(format!(
+                    "`within` does not fit {} queries: {within:?}",
+                    row.queries
+                ));
+            }
+        }
         let (mut count, mut wrong, mut tied) = (0_u32, 0.0, 0_u32);
         for query in self.queries.iter().filter(|query| query.truth.is_some()) {
             if let Some(answer) = query.answers.get(key) {

@@ -1,9 +1,12 @@
 //! How does every method answer every query of a dataset, or of worlds one after the other?
 
+use std::collections::BTreeMap;
+
 use anyhow::Result;
 use chronotope::dataset::Clock;
 use chronotope::learn::LearnConfig;
-use chronotope::localize::Query;
+use chronotope::localize;
+use chronotope::predict::Selection;
 use rayon::prelude::*;
 
 use super::fold::{RunAnswers, learn, live, localizers, run_fold, times};
@@ -11,14 +14,19 @@ use super::options::RunOptions;
 use super::showcase::{Showcase, Shown, SuiteRun};
 use super::tallies::{NamedQuery, Tallies};
 use super::timing::time;
-use crate::data::{ExtractedDataset, Fold, images, photograph, without_duplicates};
+use crate::data::{
+    ExtractedDataset, Fold, Images, Nearness, images, photograph, without_duplicates,
+};
 use crate::judge::statistics::p50_p99;
 use crate::progress::Progress;
-use crate::results::{LeakCheck, StageLatency, SuiteResults};
-use crate::suite::{Arm, Protocol, Suite, shipped};
+use crate::results::{LeakCheck, Query, StageLatency, SuiteResults};
+use crate::suite::{Arm, Home, Suite, shipped};
 
 /// So many queries of the first fold are answered once more, one at a time, with the clock running.
 const NUM_TIMED: usize = 16;
+
+/// From so many places on, a run without a tolerance mentions that there are tolerances.
+const MANY_PLACES: u32 = 30;
 
 /// Answers, sizes and times over folds and worlds.
 pub(super) struct DatasetRun<'s> {
@@ -74,6 +82,9 @@ impl<'s> DatasetRun<'s> {
             self.num_learnt.push(fold.learn.len());
             checked.push(fold);
         }
+        let nearness: Vec<Nearness<'_>> = (checked.iter())
+            .map(|fold| Nearness::new(&data.dataset, &fold.learn, self.suite.tolerance))
+            .collect::<Result<_>>()?;
         let mut first_run = 0;
         for arm in &self.suite.arms {
             let runs = arm.runs(self.has_clock)?;
@@ -87,9 +98,11 @@ impl<'s> DatasetRun<'s> {
                 .collect::<Result<_>>()?;
             let default = shipped(self.has_clock);
             self.tallies.register(arm, runs, first_run, &default);
-            for (entry, answers) in answers.into_iter().flatten() {
-                let query = named(data, entry, prefix);
-                self.tallies.collect(&query, first_run, answers);
+            for ((fold, nearness), answers) in checked.iter().zip(&nearness).zip(answers) {
+                for (entry, answers) in answers {
+                    let query = named(data, fold, nearness, entry, prefix);
+                    self.tallies.collect(&query, first_run, answers);
+                }
             }
             if !self.is_timed
                 && let Some(fold) = checked.first()
@@ -117,9 +130,9 @@ impl<'s> DatasetRun<'s> {
         let timed: Vec<_> = (fold.query.iter().step_by(step))
             .map(|&entry| (entry, live(data, entry, num_live)))
             .collect();
-        let queries: Vec<Query<'_>> = (timed.iter())
+        let queries: Vec<localize::Query<'_>> = (timed.iter())
             .map(|(entry, features)| {
-                Query::new(features)
+                localize::Query::new(features)
                     .at(times[*entry])
                     .with_image_size(data.extracted[*entry].image_size)
             })
@@ -149,6 +162,7 @@ impl<'s> DatasetRun<'s> {
 
     /// The rows, queries and header numbers of everything added so far, and what can be shown.
     pub(super) fn finish(self, results: &mut SuiteResults) -> Option<Showcase> {
+        results.tolerance = self.suite.tolerance;
         self.tallies.finish(results);
         results.latency = latency(results, &self.extraction_ms);
         results.num_places = Some(self.num_places as u32);
@@ -165,17 +179,28 @@ impl<'s> DatasetRun<'s> {
     }
 }
 
-/// The query of an entry; cut-outs of one photograph, and all images of one world, are alike.
-fn named(data: &ExtractedDataset, entry: usize, prefix: Option<&str>) -> NamedQuery {
+/// The query of an entry; cut-outs of one photograph, all images of one world, and one image in
+/// several folds are alike.
+fn named(
+    data: &ExtractedDataset,
+    fold: &Fold,
+    nearness: &Nearness<'_>,
+    entry: usize,
+    prefix: Option<&str>,
+) -> NamedQuery {
     let entry = &data.dataset.entries[entry];
-    let (id, group) = match prefix {
-        Some(prefix) => (format!("{prefix}/{}", entry.id), Some(prefix)),
-        None => (entry.id.clone(), photograph(&entry.id)),
+    let id = fold.query_id(entry);
+    let (id, group) = if let Some(prefix) = prefix {
+        (format!("{prefix}/{id}"), Some(prefix))
+    } else {
+        let same_image = fold.name.as_ref().map(|_| entry.id.as_str());
+        (id, photograph(&entry.id).or(same_image))
     };
     NamedQuery {
         id,
         group: group.map(str::to_owned),
-        truth: Some(entry.place.as_str().to_owned()),
+        truth: nearness.truth(&entry.place).map(ToString::to_string),
+        near: nearness.near(&entry.place),
     }
 }
 
@@ -213,15 +238,22 @@ fn latency(results: &SuiteResults, extraction_ms: &[f64]) -> Vec<StageLatency> {
 
 /// Runs a suite of one dataset of images.
 pub(super) fn run_images(suite: &Suite, options: &RunOptions) -> Result<SuiteRun> {
-    let (data, folds) = images(suite, options.data.as_deref(), &options.cache)?;
+    let Images { data, folds, split } = images(suite, options.data.as_deref(), &options.cache)?;
     let mut results = SuiteResults::new(&suite.name, &data.dataset.name);
     results.dataset_sha256 = data.dataset.sha256();
-    results.split = describe(&suite.protocol, &folds);
+    results.split = split;
+    if let (Home::Own, Selection::Top(n)) = (&suite.home, shipped(true).selection()) {
+        results.shown_n = Some(n.get() as u32);
+    }
     let mut run = DatasetRun::new(suite);
     let bar = Progress::new(folds.len() * suite.arms.len(), "folds");
     run.add(&data, &folds, None, &|| bar.inc())?;
     drop(bar);
     let showcase = run.finish(&mut results);
+    results.notes.extend(hints(&results));
+    if suite.by_day {
+        results.notes.extend(by_day(&results, &data, &folds));
+    }
     results
         .notes
         .extend(data.dataset.problems.iter().map(ToString::to_string));
@@ -235,16 +267,62 @@ pub(super) fn run_images(suite: &Suite, options: &RunOptions) -> Result<SuiteRun
     })
 }
 
-fn describe(protocol: &Protocol, folds: &[Fold]) -> String {
-    let queries: usize = folds.iter().map(|fold| fold.query.len()).sum();
-    match protocol {
-        Protocol::LeaveOneVisitOut => format!(
-            "each of {} visits left out once: learn the others, {queries} queries in all",
-            folds.len()
-        ),
-        _ => format!(
-            "{} images learnt, {queries} later ones queried",
-            folds.iter().map(|fold| fold.learn.len()).sum::<usize>()
-        ),
+/// The errors of every variant at the n shown in detail, day by day of the queries.
+fn by_day(results: &SuiteResults, data: &ExtractedDataset, folds: &[Fold]) -> Vec<String> {
+    let entries = &data.dataset.entries;
+    let dates: BTreeMap<String, String> = (folds.iter())
+        .flat_map(|fold| fold.query.iter().map(move |&entry| (fold, &entries[entry])))
+        .map(|(fold, entry)| {
+            let date = entry.time.to_string().chars().take(10).collect();
+            (fold.query_id(entry), date)
+        })
+        .collect();
+    let mut days: BTreeMap<&str, Vec<&Query>> = BTreeMap::new();
+    for query in &results.queries {
+        if let Some(date) = dates.get(&query.id) {
+            days.entry(date).or_default().push(query);
+        }
     }
+    let Some(n) = results.detail_n() else {
+        return Vec::new();
+    };
+    (days.into_iter())
+        .map(|(date, queries)| {
+            let wrong = results.variants().into_iter().map(|variant| {
+                let key = variant.at(n).to_string();
+                let errors = queries.iter().filter_map(|query| {
+                    Some(query.answers.get(&key)?.wrong(query.truth.as_deref()))
+                });
+                let percent = 100.0 * errors.sum::<f64>() / queries.len() as f64;
+                format!("{variant} {percent:.1} %")
+            });
+            let wrong: Vec<_> = wrong.collect();
+            let count = queries.len();
+            format!(
+                "on {date}, {count} queries, wrong at n = {n}: {}",
+                wrong.join(", ")
+            )
+        })
+        .collect()
+}
+
+/// What a reader should know of the queries of a run before believing its numbers.
+fn hints(results: &SuiteResults) -> Vec<String> {
+    let mut hints = Vec::new();
+    let num_out_of_map = (results.queries.iter()).filter(|query| query.truth.is_none());
+    let num_out_of_map = num_out_of_map.count();
+    if num_out_of_map > 0 {
+        hints.push(format!(
+            "{num_out_of_map} queries show places that were not learnt: they are in no rate of \
+             first choices, and whatever locates them is counted as a false accept"
+        ));
+    }
+    if results.tolerance.is_none() && results.num_places.unwrap_or(0) >= MANY_PLACES {
+        hints.push(
+            "with so many places, neighbours may show the same: --tolerance places:1, edges:1 or \
+             metres:5 also counts what is near enough"
+                .into(),
+        );
+    }
+    hints
 }

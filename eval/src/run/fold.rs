@@ -172,6 +172,23 @@ fn answer_query(
     })
 }
 
+/// A decision of the library as results name it: the one place where that is done. What it is worth
+/// says [`results::Query::outcome`].
+fn decided(
+    (decision, region): (Decision, Vec<NodeId>),
+    name: &impl Fn(usize) -> String,
+) -> results::Decision {
+    match decision {
+        Decision::Near(_) => {
+            let places = region.iter().map(|node| name(node.0 as usize));
+            results::Decision::Near(places.collect())
+        }
+        Decision::At(node) => results::Decision::At(name(node.0 as usize)),
+        Decision::Ambiguous => results::Decision::Ambiguous,
+        _ => results::Decision::Unknown,
+    }
+}
+
 /// The answer by one score at the sweep's `size`-th n.
 fn answer(localizer: &Localizer, sweep: &Sweep, score: Score, size: usize) -> Answer {
     let nodes = &localizer.snapshot().nodes;
@@ -207,11 +224,7 @@ fn answer(localizer: &Localizer, sweep: &Sweep, score: Score, size: usize) -> An
     let decision = match (&weighed, score) {
         (Some((shares, off_map)), Score::Likelihood) => {
             let node = NodeId(first[0] as u32);
-            match localizer.decide(node, shares, *off_map).0 {
-                Decision::At(_) => results::Decision::At(name(first[0])),
-                Decision::Ambiguous => results::Decision::Ambiguous,
-                _ => results::Decision::Unknown,
-            }
+            decided(localizer.decide(node, shares, *off_map), &name)
         }
         _ => results::Decision::At(name(first[0])),
     };

@@ -21,7 +21,7 @@ use super::fold::{RunAnswers, run_fold};
 use super::options::RunOptions;
 use super::tallies::{NamedQuery, Tallies};
 use crate::data::{
-    ExtractedDataset, Fold, Worlds, extractor, images, photograph, prefix, split_at,
+    ExtractedDataset, Fold, Images, Worlds, extractor, images, photograph, prefix, split_at,
     without_duplicates,
 };
 use crate::judge::rates::PairedDifference;
@@ -126,7 +126,8 @@ impl MultiDataset<'_> {
             ..
         } = suite.protocol
         else {
-            let (data, folds) = images(&suite, options.data.as_deref(), &options.cache)?;
+            let Images { data, folds, .. } =
+                images(&suite, options.data.as_deref(), &options.cache)?;
             return Ok(vec![Part {
                 prefix: name.to_owned(),
                 is_group: false,
@@ -214,6 +215,7 @@ fn places_left_out(data: &ExtractedDataset, fold: &Fold) -> Vec<Case> {
                 fold: Fold {
                     learn: of(&fold.learn, false),
                     query: of(&fold.query, true),
+                    name: fold.name.clone(),
                 },
                 is_out_of_map: true,
             }
@@ -239,7 +241,7 @@ fn distinct(runs: &[Run]) -> (Vec<Run>, Vec<usize>) {
 /// The query of an entry as the case has it.
 fn named(part: &Part, case: &Case, entry: usize) -> NamedQuery {
     let entry = &part.data.dataset.entries[entry];
-    let in_map_id = format!("{}/{}", part.prefix, entry.id);
+    let in_map_id = format!("{}/{}", part.prefix, case.fold.query_id(entry));
     let group = if part.is_group {
         part.prefix.clone()
     } else {
@@ -254,6 +256,7 @@ fn named(part: &Part, case: &Case, entry: usize) -> NamedQuery {
         },
         group: Some(group),
         truth: (!case.is_out_of_map).then(|| entry.place.as_str().to_owned()),
+        near: Vec::new(),
     }
 }
 

@@ -25,7 +25,7 @@ use chronotope::trace::{Shot, Stage, Trace, TraceConfig, Tracer};
 use super::fold::{learn, times};
 use super::options::RunOptions;
 use crate::data::{
-    ExtractedDataset, Fold, Worlds, extractor, images, split_at, without_duplicates,
+    ExtractedDataset, Fold, Images, Worlds, extractor, images, split_at, without_duplicates,
 };
 use crate::progress::Progress;
 use crate::suite::{Arm, Protocol, Run, Suite, shipped};
@@ -37,23 +37,24 @@ pub fn replay(
     record: &mut dyn FnMut(&Trace<'_>) -> Result<()>,
 ) -> Result<usize> {
     check(suite)?;
-    let (data, folds) = match &suite.protocol {
-        Protocol::Synthetic {
-            num_learn,
-            num_query,
-            ..
-        } => {
-            let worlds = Worlds {
-                seeds: 1,
-                learn: *num_learn,
-                query: *num_query,
-            };
-            let (dataset, split) = worlds.world(1, true, "synthetic")?;
-            let data = ExtractedDataset::new(dataset, &extractor()?, None, &|| {})?;
-            let fold = split_at(&data, split);
-            (data, vec![fold])
-        }
-        _ => images(suite, options.data.as_deref(), &options.cache)?,
+    let (data, folds) = if let Protocol::Synthetic {
+        num_learn,
+        num_query,
+        ..
+    } = &suite.protocol
+    {
+        let worlds = Worlds {
+            seeds: 1,
+            learn: *num_learn,
+            query: *num_query,
+        };
+        let (dataset, split) = worlds.world(1, true, "synthetic")?;
+        let data = ExtractedDataset::new(dataset, &extractor()?, None, &|| {})?;
+        let fold = split_at(&data, split);
+        (data, vec![fold])
+    } else {
+        let Images { data, folds, .. } = images(suite, options.data.as_deref(), &options.cache)?;
+        (data, folds)
     };
     let (arm, run) = shown(suite, &data)?;
     let mut replay = Replay {

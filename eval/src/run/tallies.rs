@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use chronotope::localize::{LocalizerConfig, Preset, Score};
 
 use super::fold::{RunAnswers, TOP};
-use crate::judge::rates::Tally;
+use crate::judge::rates::{Tally, within};
 use crate::judge::statistics::{Sample, p50_p99};
 use crate::results::{Query, Reobservation, SuiteResults, Variant};
 use crate::suite::{Arm, Run, Suite};
@@ -22,6 +22,8 @@ pub(crate) struct NamedQuery {
     pub(crate) group: Option<String>,
     /// The true place, where the map has it.
     pub(crate) truth: Option<String>,
+    /// The other places that count as right within the tolerance.
+    pub(crate) near: Vec<String>,
 }
 
 /// Answers by query, and what is summed up for each run.
@@ -92,6 +94,7 @@ impl<'s> Tallies<'s> {
         let known = (self.queries.entry(query.id.clone())).or_insert_with(|| Query {
             id: query.id.clone(),
             truth: query.truth.clone(),
+            near: query.near.clone(),
             group: query.group.clone(),
             answers: BTreeMap::new(),
         });
@@ -150,6 +153,7 @@ impl<'s> Tallies<'s> {
                     row.pairs_compared =
                         tally.pairs_compared[size] as f64 / tally.num_queries.max(1) as f64;
                     (row.ms_p50, row.ms_p99) = p50_p99(&tally.ms[size]);
+                    row.within = (results.tolerance).map(|_| within(&results.queries, &key));
                     if !self.suite.visibility_only {
                         results.rows.push(row);
                     }

@@ -145,6 +145,7 @@ pub(crate) fn sample_results() -> SuiteResults {
         results.queries.push(Query {
             id: format!("{truth}/{:02}.jpg", i / PLACES.len() + 1),
             truth: Some(truth.to_owned()),
+            near: Vec::new(),
             group: None,
             answers,
         });

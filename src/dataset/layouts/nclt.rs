@@ -16,6 +16,7 @@ use super::collector::Collector;
 use crate::dataset::manifest::{Layout, NcltPlace};
 use crate::dataset::paths::{digits, image_rank, list, name_of, relative, stem_of};
 use crate::dataset::table::read_text;
+use crate::map::PlaceKey;
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
 
@@ -43,11 +44,17 @@ pub(super) fn read(collector: &mut Collector<'_>, layout: &Layout) -> Result<()>
         max_pose_gap_s,
         rotation,
         place: places,
+        spacing_m,
     } = layout
     else {
         return Ok(());
     };
-    for place in places {
+    let along_route = match spacing_m {
+        Some(spacing_m) => places_along_route(collector.root, *spacing_m)?,
+        None => Vec::new(),
+    };
+    let places = || places.iter().chain(&along_route);
+    for place in places() {
         let position = [place.x, place.y, place.z];
         collector.poses.insert(place.key.clone(), position);
     }
@@ -72,7 +79,7 @@ pub(super) fn read(collector: &mut Collector<'_>, layout: &Layout) -> Result<()>
         };
         let poses = read_ground_truth(&ground_truth)?;
         let images = located_images(collector, &folder, &poses, *max_pose_gap_s, &subject)?;
-        for place in places {
+        for place in places() {
             for best in passes(&images, place, *radius_m) {
                 let path = relative(collector.root, &best.path);
                 collector.add(&path, &place.key, best.time, &path, |image| {
@@ -97,6 +104,34 @@ struct Located {
     x: f64,
     y: f64,
     yaw_rad: f64,
+}
+
+/// A place every `spacing_m` metres along the earliest session that has a ground truth; where the
+/// robot comes back facing another way, there is another place. None without such a session.
+fn places_along_route(root: &Path, spacing_m: f64) -> Result<Vec<NcltPlace>> {
+    let sessions = sessions(root)?;
+    let mut truths =
+        (sessions.iter()).filter_map(|session| find_ground_truth(root, &name_of(session)));
+    let Some(ground_truth) = truths.next() else {
+        return Ok(Vec::new());
+    };
+    let mut places: Vec<NcltPlace> = Vec::new();
+    for pose in read_ground_truth(&ground_truth)? {
+        let is_known = places.iter().rev().any(|place| {
+            let distance_m = (pose.x - place.x).hypot(pose.y - place.y);
+            distance_m < spacing_m && faces(pose.yaw_rad, place.heading_deg)
+        });
+        if !is_known {
+            places.push(NcltPlace {
+                key: PlaceKey::new(&format!("r{:04}", places.len()))?,
+                x: pose.x,
+                y: pose.y,
+                z: 0.0,
+                heading_deg: Some(pose.yaw_rad.to_degrees()),
+            });
+        }
+    }
+    Ok(places)
 }
 
 /// The images of one camera with their poses, by time; those without are counted as a problem.

@@ -204,9 +204,9 @@ pub(super) fn match_held_out(
     let mut needed = vec![vec![false; folds.count]; nodes.len()];
     for (image, pairs) in images.iter().zip(&pairs) {
         if let Some(fold) = image.fold {
-            pairs
-                .iter()
-                .for_each(|&(node, _)| needed[node][fold] = true);
+            for &(node, _) in pairs {
+                needed[node][fold] = true;
+            }
         }
     }
     let places: Vec<HeldOutPlace> = (needed.par_iter().enumerate())

@@ -378,11 +378,13 @@ mod tests {
         scale: 0.5,
         bias: 1.0,
         level: 0.0,
+        near: NEAR,
     };
 
     fn held_out(own: f64, others: &[f64]) -> HeldOutScores {
         HeldOutScores {
             own: Some(own),
+            alike: Vec::new(),
             others: others.to_vec(),
         }
     }
@@ -394,13 +396,17 @@ mod tests {
 
     #[test]
     fn derivatives_are_those_of_the_loss() {
-        let all = [held_out(3.0, &[0.0, 1.0]), held_out(1.0, &[2.0, -1.0])];
-        let cases: Vec<Case> = all.iter().flat_map(Case::both).collect();
+        let cases = Case::of(&[held_out(3.0, &[0.0, 1.0]), held_out(1.0, &[2.0, -1.0])]);
         let moved = |weight: usize, by: f64| {
             let mut weights = [0.7, 0.4, 0.2];
             weights[weight] += by;
             let [scale, bias, level] = weights;
-            PosteriorCalibration { scale, bias, level }
+            PosteriorCalibration {
+                scale,
+                bias,
+                level,
+                near: NEAR,
+            }
         };
         let step = 1e-5;
         let (gradient, hessian) = moved(0, 0.0).derivatives(&cases, PRIOR);
@@ -414,6 +420,42 @@ mod tests {
                 assert!((bend - hessian[i][j]).abs() < 1e-5, "{i} {j}: {bend}");
             }
         }
+    }
+
+    #[test]
+    fn neighbours_that_look_alike_are_right_answers_and_share_what_they_get() {
+        // The place next door scores nearly as much as the own one, others nothing.
+        let overlapping = |i: usize| HeldOutScores {
+            own: Some(10.0 + (i % 3) as f64),
+            alike: vec![11.0],
+            others: vec![0.0, 1.0, -1.0],
+        };
+        let images: Vec<HeldOutScores> = (0..60).map(overlapping).collect();
+        let calibration = PosteriorCalibration::fit(&images, PRIOR);
+        let mut posterior = Vec::new();
+        let scores = [11.0, 10.0, 0.0, 1.0];
+        let off_map = calibration.posterior_into(&scores, 0.1, &mut posterior);
+        let (both, first) = (posterior[0] + posterior[1], posterior[0]);
+        assert!(
+            both > 0.99 && off_map < 0.01,
+            "{calibration:?} {posterior:?}"
+        );
+        calibration.share_near(&scores, [0, 1].into_iter(), &mut posterior);
+        assert!((posterior[0] + posterior[1] - both).abs() < 1e-12);
+        assert!(posterior[0] < first && posterior[0] > posterior[1]);
+    }
+
+    #[test]
+    fn images_of_one_run_alone_do_not_outvote_what_is_usual() {
+        let others = vec![6.0, 0.0, -1.0, 0.0];
+        let image = HeldOutScores {
+            own: None,
+            alike: vec![40.0],
+            others,
+        };
+        let calibration = PosteriorCalibration::fit(&vec![image; 40], PRIOR);
+        assert!(calibration.scale > 0.5 * PRIOR.scale, "{calibration:?}");
+        assert!(calibration.bias < PRIOR.bias + 2.0, "{calibration:?}");
     }
 
     #[test]

@@ -23,6 +23,15 @@ fn text(trace: &Trace<'_>) -> String {
     let answer = &trace.localization;
     let title = match answer.decision {
         Decision::At(node) => format!("At {}", place(trace, node.0 as usize)),
+        Decision::Near(node) => {
+            let region = answer.region.iter().filter(|it| **it != node);
+            let others: Vec<&str> = region.map(|it| place(trace, it.0 as usize)).collect();
+            format!(
+                "At {} or near it: {}",
+                place(trace, node.0 as usize),
+                others.join(", ")
+            )
+        }
         Decision::Ambiguous => "In the map, but several places fit".into(),
         _ => "Unknown: no place fits well enough".into(),
     };
@@ -62,6 +71,14 @@ fn verdict(trace: &Trace<'_>) -> String {
         return String::new();
     };
     match trace.localization.decision {
+        Decision::Near(_) => {
+            let mut region = trace.localization.region.iter();
+            let is_right = region.any(|it| place(trace, it.0 as usize) == truth.as_str());
+            format!(
+                "**{}**: it is {truth}. ",
+                if is_right { "Right" } else { "Wrong" }
+            )
+        }
         Decision::At(node) if place(trace, node.0 as usize) == truth.as_str() => {
             format!("**Right**: it is {truth}. ")
         }

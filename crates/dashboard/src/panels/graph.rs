@@ -43,10 +43,11 @@ pub(crate) fn log_places(
     posterior: &[f64],
     positions: &[[f32; 2]],
 ) -> Result<()> {
-    let here = match trace.localization.decision {
-        Decision::At(node) => Some(node.0 as usize),
-        _ => None,
-    };
+    let here = trace
+        .localization
+        .decision
+        .place()
+        .map(|node| node.0 as usize);
     let labels = (trace.places.iter().zip(posterior).enumerate()).map(|(node, (key, share))| {
         let marks = if here == Some(node) { "HERE: " } else { "" };
         format!("{marks}{key} {:.0} %", 100.0 * share)

@@ -4,7 +4,9 @@ use super::Series;
 use crate::error::{Error, ErrorKind, Result};
 use crate::spectrum::Component;
 use crate::time::Time;
-use crate::visibility::{VisibilityConfig, VisibilityModel, Visits, decode, fit};
+use crate::visibility::{
+    Estimate, VisibilityConfig, VisibilityModel, Visits, decode, fit_cautious,
+};
 
 impl Series {
     /// Learns the model for a series of any sampling: [`VisibilityConfig::natural`].
@@ -12,11 +14,13 @@ impl Series {
         self.learn_with(&VisibilityConfig::natural())
     }
 
-    /// Learns the model that `cfg` names.
+    /// Learns the model that `cfg` names, and believes it as far as the samples reach
+    /// ([`Cautious`](crate::visibility::Cautious)): at hours that were never sampled, p is near the
+    /// mean and its interval wide, and no number of like samples makes p exactly 0 or 1.
     ///
     /// A series without known states gives p = 1/2 at every time.
     pub fn learn_with(&self, cfg: &VisibilityConfig) -> Result<SeriesModel> {
-        let model = fit(&self.to_log()?, cfg, Visits::All)?;
+        let model = fit_cautious(&self.to_log()?, cfg, Visits::All)?;
         Ok(SeriesModel { model })
     }
 }
@@ -43,6 +47,17 @@ impl SeriesModel {
     /// The probability that the state is 1 at a time, in [0, 1].
     pub fn p(&self, time: Time) -> f64 {
         self.model.predict_one(0, time)
+    }
+
+    /// The same with its 95 % interval.
+    pub fn estimate(&self, time: Time) -> Estimate {
+        self.model.estimate(0, time)
+    }
+
+    /// The share of samples that are 1, where a burst of samples counts as one; `None` for a model
+    /// that does not keep it.
+    pub fn mean(&self) -> Option<f64> {
+        self.model.mean(0)
     }
 
     /// What the rhythms swing about; `None` for a model that is not a level and rhythms.

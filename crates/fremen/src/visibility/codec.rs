@@ -20,6 +20,7 @@ pub(super) enum Kind {
     Pergam,
     Markov,
     Persistent,
+    Cautious,
 }
 
 /// The bytes of a model of `kind`, whose own part `write` writes.

@@ -1,7 +1,9 @@
 //! Which model do these bytes hold?
 
 use super::codec::TAG;
-use super::{Fremen, Histogram, Logistic, Markov, Mean, Pergam, Persistent, VisibilityModel};
+use super::{
+    Cautious, Fremen, Histogram, Logistic, Markov, Mean, Pergam, Persistent, VisibilityModel,
+};
 use crate::error::Result;
 use crate::spectrum::Reader;
 
@@ -29,6 +31,10 @@ fn decode_nested(bytes: &[u8], depth: usize) -> Result<Box<dyn VisibilityModel>>
         6 if depth < MAX_DEPTH => {
             let of = decode_nested(reader.bytes()?, depth + 1)?;
             Box::new(Persistent::read(&mut reader, of)?)
+        }
+        7 if depth < MAX_DEPTH => {
+            let of = decode_nested(reader.bytes()?, depth + 1)?;
+            Box::new(Cautious::read(&mut reader, of)?)
         }
         kind => return Err(reader.impossible(&format!("there is no kind {kind} of models"))),
     };

@@ -5,7 +5,7 @@ use super::evidence::Evidence;
 use super::natural::Natural;
 use super::shared_rhythms::SharedRhythms;
 use super::{BitRow, HistoryLog, VisibilityModel};
-use super::{fremen, histogram, logistic, markov, mean, pergam, persistent};
+use super::{cautious, fremen, histogram, logistic, markov, mean, pergam, persistent};
 use crate::error::{Error, ErrorKind, Result};
 use crate::spectrum::CandidatePeriods;
 
@@ -55,6 +55,25 @@ pub fn fit(
     fit_model(&evidence, cfg, cfg.model())
 }
 
+/// As [`fit`], but any model is believed only as far as its visits reach, and knows how sure it is
+/// ([`Cautious`](super::Cautious)); `natural` does so by itself.
+pub fn fit_cautious(
+    log: &HistoryLog,
+    cfg: &VisibilityConfig,
+    visits: Visits<'_>,
+) -> Result<Box<dyn VisibilityModel>> {
+    let model = fit(log, cfg, visits)?;
+    if matches!(cfg.model(), ModelConfig::Natural { .. }) {
+        return Ok(model);
+    }
+    let evidence = Evidence {
+        log,
+        visits: visits.of(log)?,
+        before_birth: cfg.before_birth(),
+    };
+    Ok(Box::new(cautious::fit(&evidence, model)))
+}
+
 fn fit_model(
     evidence: &Evidence<'_>,
     cfg: &VisibilityConfig,
@@ -73,13 +92,14 @@ fn fit_model(
             *balance,
             cfg.guards(),
         )?),
-        ModelConfig::Natural { ridge } => Box::new(
-            Natural {
+        ModelConfig::Natural { ridge } => {
+            let natural = Natural {
                 ridge: *ridge,
                 guards: cfg.guards(),
-            }
-            .fit(evidence)?,
-        ),
+            };
+            let rhythms = natural.fit(evidence)?;
+            Box::new(cautious::fit(evidence, Box::new(rhythms)))
+        }
         ModelConfig::LeastSquares {
             candidates,
             order,

@@ -25,6 +25,11 @@
 //!    difference over the runs; otherwise it is the mean. Random visits left out instead would be
 //!    predicted by their neighbours.
 //!
+//! 4. *Bursts.* Visits far closer than usual count one together
+//!    ([`independence`](super::independence)), in every sum here.
+//! 5. *Reach.* What comes out is believed as far as visits reach, and the mean beyond
+//!    ([`Cautious`](super::Cautious)).
+//!
 //! A day is 24 h from the earliest visit on, so that no zone is preferred and shifted times shift
 //! p. Fewer than 8 visits or 3 days give the mean.
 //!
@@ -42,10 +47,11 @@
 use super::Fremen;
 use super::evidence::Evidence;
 use super::fremen::{lowest, supported};
+use super::independence::weights;
 use super::{Guards, HistoryLog};
 use crate::error::Result;
 use crate::spectrum::{
-    CandidatePeriods, Cholesky, MAX_OBSERVATIONS, from_fixed, to_fixed, too_many,
+    CandidatePeriods, Cholesky, MAX_OBSERVATIONS, P_UNKNOWN, from_fixed, to_fixed, too_many,
 };
 use crate::time::Period;
 
@@ -61,7 +67,7 @@ const MIN_CYCLES: [f64; 3] = [0.9, 1.5, 1.5];
 /// Features that choose the rhythms.
 const MAX_VOTERS: usize = 256;
 /// Fewer visits than this, or days, give the mean.
-const MIN_VISITS: usize = 8;
+const MIN_VISITS: f64 = 8.0;
 const MIN_DAYS: usize = 3;
 /// Runs of days that are left out in turn.
 const MAX_RUNS: usize = 10;
@@ -109,11 +115,14 @@ fn product_at(row: usize, column: usize) -> usize {
     high * (high + 1) / 2 + low
 }
 
-/// The visits as rows of x.
-struct Design(Vec<[f64; SIZE]>);
+/// The visits as rows of x, and what each counts.
+struct Design {
+    rows: Vec<[f64; SIZE]>,
+    weights: Vec<f64>,
+}
 
 impl Design {
-    fn new(evidence: &Evidence<'_>, candidates: &CandidatePeriods) -> Self {
+    fn new(evidence: &Evidence<'_>, candidates: &CandidatePeriods, weights: Vec<f64>) -> Self {
         let count = candidates.len();
         let mut phasors = vec![0.0; 2 * count];
         let rows = evidence.times().map(|time| {
@@ -124,16 +133,17 @@ impl Design {
             }
             row
         });
-        Self(rows.collect())
+        let rows = rows.collect();
+        Self { rows, weights }
     }
 
     /// Adds the products of visit `index` to `gram`, or takes them away.
     fn add(&self, index: usize, sign: i64, gram: &mut Gram) {
-        let x = &self.0[index];
+        let (x, weight) = (&self.rows[index], self.weights[index]);
         let mut at = 0;
         for (i, a) in x.iter().enumerate() {
             for b in &x[..=i] {
-                gram[at] += sign * to_fixed(a * b);
+                gram[at] += sign * to_fixed(weight * (a * b));
                 at += 1;
             }
         }
@@ -274,17 +284,22 @@ impl Natural {
         }
         let candidates = candidates()?;
         let counts = evidence.counts();
-        let means = counts.means();
+        let times: Vec<_> = evidence.times().collect();
+        let weights = weights(&times);
+        let means = weighted_means(evidence, &weights);
         let days = Days::new(evidence);
         let changes = |&f: &usize| counts.seen[f] > 0 && counts.seen[f] < counts.observed[f];
         let changing: Vec<usize> = (0..evidence.num_features()).filter(changes).collect();
-        if num_visits < MIN_VISITS || days.visits.len() < MIN_DAYS || changing.is_empty() {
+        if weights.iter().sum::<f64>() < MIN_VISITS
+            || days.visits.len() < MIN_DAYS
+            || changing.is_empty()
+        {
             return Ok(Fremen::of_means(candidates, 0, means));
         }
         let step = changing.len().div_ceil(MAX_VOTERS);
         let voters: Vec<usize> = changing.iter().copied().step_by(step).collect();
-        let ridge = self.ridge * dispersion(evidence, &days, &voters, &means);
-        let design = Design::new(evidence, &candidates);
+        let ridge = self.ridge * dispersion(evidence, &days, &voters, &means, &weights);
+        let design = Design::new(evidence, &candidates, weights);
         let allowed = self.allowed(evidence, &candidates);
         let rhythms = choose(evidence, &design, &days, &voters, ridge, &choices(&allowed));
         let mut model = Fremen::of_means(candidates, rhythms.len(), means);
@@ -332,8 +347,33 @@ impl Natural {
     }
 }
 
+/// The share of what visits count at which each feature was seen; 1/2 without any.
+fn weighted_means(evidence: &Evidence<'_>, weights: &[f64]) -> Vec<f64> {
+    let mut sums = vec![(0_i64, 0_i64); evidence.num_features()];
+    for (&visit, &weight) in evidence.visits.iter().zip(weights) {
+        let weight = to_fixed(weight);
+        evidence.for_each_state(visit, |feature, state| {
+            let (seen, observed) = &mut sums[feature];
+            *observed += weight;
+            *seen += i64::from(state) * weight;
+        });
+    }
+    (sums.into_iter())
+        .map(|(seen, observed)| match observed {
+            0 => P_UNKNOWN,
+            observed => from_fixed(seen) / from_fixed(observed),
+        })
+        .collect()
+}
+
 /// By how much the visits of a day repeat each other: 1 if they are independent.
-fn dispersion(evidence: &Evidence<'_>, days: &Days, voters: &[usize], means: &[f64]) -> f64 {
+fn dispersion(
+    evidence: &Evidence<'_>,
+    days: &Days,
+    voters: &[usize],
+    means: &[f64],
+    weights: &[f64],
+) -> f64 {
     // For each voter: the squared sums of days, the sum of squares, days with observations.
     let mut of_days = vec![0.0; voters.len()];
     let mut of_visits = vec![0.0; voters.len()];
@@ -346,8 +386,8 @@ fn dispersion(evidence: &Evidence<'_>, days: &Days, voters: &[usize], means: &[f
             let seen = evidence.log.seen_row(visit);
             for (&feature, (num_seen, num_observed)) in voters.iter().zip(&mut counts) {
                 if feature < num_known && !is_hidden(evidence.log, visit, feature) {
-                    *num_observed += 1.0;
-                    *num_seen += f64::from(u8::from(seen.get(feature)));
+                    *num_observed += weights[index];
+                    *num_seen += weights[index] * f64::from(u8::from(seen.get(feature)));
                 }
             }
         }
@@ -381,7 +421,8 @@ fn seen_sums(
     let mut sums = vec![[0; SIZE]; features.len() * num_runs];
     for (index, &visit) in evidence.visits.iter().enumerate() {
         let seen = evidence.log.seen_row(visit);
-        let row = design.0[index].map(to_fixed);
+        let weight = design.weights[index];
+        let row = design.rows[index].map(|x| to_fixed(weight * x));
         for (i, _) in features.iter().enumerate().filter(|(_, f)| seen.get(**f)) {
             for (sum, value) in sums[i * num_runs + run_of[index]].iter_mut().zip(row) {
                 *sum += value;

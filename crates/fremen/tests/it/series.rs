@@ -94,7 +94,7 @@ fn a_door_is_predicted_and_what_is_unusual_is_found() {
 }
 
 #[test]
-fn nothing_known_is_one_half_and_a_constant_stays() {
+fn nothing_known_is_one_half_and_a_constant_is_nearly_sure() {
     let mut unknown = Series::new();
     unknown.push(hour(3), None);
     for cfg in [VisibilityConfig::natural(), VisibilityConfig::mean()] {
@@ -105,8 +105,70 @@ fn nothing_known_is_one_half_and_a_constant_stays() {
             assert_eq!(series.mean(), None);
         }
         let always: Series = (0..500).map(|at| (hour(at), true)).collect();
-        assert_eq!(always.learn_with(&cfg).expect("few").p(hour(9_999)), 1.0);
+        let p = always.learn_with(&cfg).expect("few").p(hour(9_999));
+        assert_eq!(p, 500.5 / 501.0);
     }
+}
+
+/// A clock that is read at some hours only says nothing of the others, whatever the model.
+#[test]
+fn hours_that_were_never_sampled_are_near_the_mean_and_not_sure() {
+    let office = (0..60).flat_map(|day| (8..18).map(move |at| (hour(24 * day + at), at >= 9)));
+    let office: Series = office
+        .map(|(time, open)| (time, open && time != hour(17)))
+        .collect();
+    let mean = office.mean().expect("some");
+    let models = [
+        "kind = 'natural'",
+        "kind = 'mean'",
+        "kind = 'markov'",
+        "kind = 'fremen', candidates = { base-s = 86400.0, count = 6 }, order = 3",
+        "kind = 'histogram', period-s = 86400.0, num-bins = 24",
+        "kind = 'persistent', of = { kind = 'natural' }",
+    ];
+    for text in models {
+        let cfg = VisibilityConfig::from_toml(&format!("model = {{ {text} }}")).expect("a model");
+        let model = office.learn_with(&cfg).expect("few");
+        for night in [0, 5, 21] {
+            let at = model.estimate(hour(24 * 70 + night));
+            assert!((at.p - mean).abs() < 0.05, "{text} at {night}: {at:?}");
+            assert!(at.high - at.low > 0.6, "{text} at {night}: {at:?}");
+        }
+        let noon = model.estimate(hour(24 * 70 + 12));
+        assert!(
+            noon.low <= noon.p && noon.p <= noon.high,
+            "{text}: {noon:?}"
+        );
+        assert!(noon.high - noon.low < 0.25, "{text}: {noon:?}");
+    }
+    let natural = office.learn().expect("few");
+    assert!(natural.p(hour(24 * 70 + 12)) > 0.9);
+    assert!((0.0..=1.0).contains(&natural.mean().expect("kept")));
+}
+
+#[test]
+fn few_samples_are_not_certain_and_a_burst_is_one_look() {
+    for text in ["kind = 'natural'", "kind = 'mean'", "kind = 'markov'"] {
+        let cfg = VisibilityConfig::from_toml(&format!("model = {{ {text} }}")).expect("a model");
+        let one: Series = [(hour(7), true)].into_iter().collect();
+        let one = one.learn_with(&cfg).expect("few").estimate(hour(8));
+        assert_eq!(one.p, 0.75, "{text}");
+        assert!(one.low < 0.3, "{text}: {one:?}");
+        let never: Series = (0..20).map(|day| (hour(24 * day), false)).collect();
+        let never = never.learn_with(&cfg).expect("few").estimate(hour(24 * 30));
+        assert!(
+            never.p > 0.0 && never.p < 0.05 && never.high > 0.1,
+            "{text}: {never:?}"
+        );
+    }
+    let hourly = (0..672).map(|at| (hour(at), true));
+    let start_us = hour(672).as_us() - 1_800_000_000;
+    let burst = (0..500).map(|i| (Time::from_us(start_us + 600_000 * i), false));
+    let series: Series = hourly.chain(burst).collect();
+    let model = series.learn().expect("few");
+    assert!(model.components().is_empty(), "{:?}", model.components());
+    let p = model.p(hour(672 + 9));
+    assert!(p > 0.97 && p < 1.0, "{p}");
 }
 
 #[test]

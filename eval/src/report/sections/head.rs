@@ -1,6 +1,8 @@
 //! What does a report say first?
 
+use super::methods::{methods, of_row, share};
 use super::names::{interval_text, label, trimmed};
+use crate::judge::DECIDING_SCORE;
 use crate::report::facts::{header_lines, short_ms};
 use crate::report::headline::{Headline, baseline};
 use crate::report::html::{Esc, Words, put, signed};
@@ -63,6 +65,15 @@ fn verdict(html: &mut String, results: &SuiteResults, row: &Row, headline: &Head
         trimmed(row.correct),
         row.queries
     );
+    if let (Some(tolerance), Some(within)) = (results.tolerance, &row.within) {
+        put!(
+            html,
+            " (within {}: <strong>{} of {}</strong>)",
+            tolerance.in_words(),
+            trimmed(within.correct),
+            row.queries
+        );
+    }
     let pair = headline.against_static;
     match &pair {
         Some(pair) if pair.points.excludes_zero() && pair.points.mean < 0.0 => put!(
@@ -112,6 +123,20 @@ fn tiles(html: &mut String, results: &SuiteResults, row: &Row, headline: &Headli
         format!("{:.1} %", row.wrong_percent()),
         format!("wrong (95 % interval {})", interval_text(row)),
     );
+    if let (Some(tolerance), Some(within), Some(percent)) =
+        (results.tolerance, &row.within, row.within_percent())
+    {
+        tile(
+            format!("{percent:.1} %"),
+            format!(
+                "right within {} ({:.1} to {:.1})",
+                tolerance.in_words(),
+                within.ci_low,
+                within.ci_high
+            ),
+        );
+    }
+    located_tile(results, row, &mut tile);
     if let Some(pair) = &headline.against_static {
         let interval = pair.points.interval;
         tile(
@@ -143,6 +168,27 @@ fn tiles(html: &mut String, results: &SuiteResults, row: &Row, headline: &Headli
         );
     }
     html.push_str("</div>");
+    methods(html, results, headline);
+}
+
+/// How many images a robot would act on, and how often that is wrong; nothing for rows that decide
+/// nothing.
+fn located_tile(results: &SuiteResults, row: &Row, tile: &mut impl FnMut(String, String)) {
+    if row.variant.score != DECIDING_SCORE || row.queries == 0 {
+        return;
+    }
+    let of = of_row(results, row);
+    let what = if of.located == 0 {
+        "located: no answer was sure enough to act on".to_owned()
+    } else {
+        let beyond = (results.tolerance).map_or_else(String::new, |tolerance| {
+            let far = share(of.located_wrong, of.located);
+            format!(", {far:.1} % by more than {}", tolerance.in_words())
+        });
+        let wrong = share(of.located_wrong_exact, of.located);
+        format!("located: sure enough to act on; {wrong:.1} % of these are wrong{beyond}")
+    };
+    tile(format!("{:.1} %", share(of.located, row.queries)), what);
 }
 
 /// What the words mean.
@@ -151,6 +197,9 @@ pub(in crate::report) fn foot() -> &'static str {
      1/k right if the true one is among them. Intervals: percentile bootstrap over the images (whole \
      groups of like images where the suite names groups); where all images agree, Wilson\u{2019}s, with \
      an intraclass correlation of 0.2 within groups. \
+     Located: the answer is given because the probability of being wrong is at most the risk that is \
+     allowed, one in twenty unless a suite says otherwise; ambiguous and unknown answers are not. \
+     Within a tolerance: a place that is near enough to the true one counts as right too. \
      Against static: the mean of differences image by image, same draws. Pairs: descriptor comparisons \
      per image. Times exclude decoding and extraction unless a stage says so; compare them only within \
      one machine.</p>"

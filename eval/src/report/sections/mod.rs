@@ -5,6 +5,7 @@ mod cost;
 mod error;
 mod glossary;
 mod head;
+mod methods;
 mod names;
 mod summary;
 mod visibility;

@@ -18,9 +18,16 @@ pub(in crate::report) fn summary(results: &SuiteResults, headline: Option<&Headl
         "<h2>All numbers</h2><p class=\"hint\">Press a heading to sort. Bold is the shipped default configuration. A tie for the first rank \
          counts in parts. \u{201c}Against static\u{201d} pairs each method with the static map of its \
          preset and score, image by image: \u{25bc} fewer mistakes, \u{25b2} more, \u{2248} not \
-         clearly different at 95 %.</p>\
+         clearly different at 95 %.{}</p>\
          <div class=\"controls\"><label>Features per place, n = \
-         <select data-filters=\"rows\"><option value=\"\">all</option>"
+         <select data-filters=\"rows\"><option value=\"\">all</option>",
+        results.tolerance.map_or_else(String::new, |tolerance| {
+            let tolerance = tolerance.in_words();
+            format!(
+                " \u{201c}Within\u{201d} is within {tolerance} of the true place; \u{201c}of it \
+                 beyond\u{201d} is how much of what was located is further off."
+            )
+        })
     );
     for n in results.all_n() {
         let selected = if n == *shown { " selected" } else { "" };
@@ -37,11 +44,15 @@ pub(in crate::report) fn summary(results: &SuiteResults, headline: Option<&Headl
     );
     let may_be_unknown = results.rows.iter().any(|row| row.unknown > 0);
     let any_tied = results.rows.iter().any(|row| row.tied > 0);
+    let has_tolerance = results.tolerance.is_some();
     let heads = [
         ("Method", "t", true),
         ("n", "n", true),
         ("Wrong %", "", true),
         ("95 % interval", "t", true),
+        ("Right within %", "", has_tolerance),
+        ("Located %", "", has_tolerance),
+        ("of it beyond %", "", has_tolerance),
         ("Against static", "t", true),
         ("Tied", "", any_tied),
         ("Unknown", "", may_be_unknown),
@@ -104,6 +115,18 @@ fn summary_row(
         interval_text(row),
         interval_text(row)
     );
+    if let Some(within) = &row.within {
+        let percent = |count: f64, of: u32| 100.0 * count / f64::from(of.max(1));
+        for value in [
+            percent(within.correct, row.queries),
+            percent(f64::from(within.located), row.queries),
+            percent(f64::from(within.located_wrong), within.located),
+        ] {
+            put!(html, "<td data-v=\"{value}\">{value:.1}</td>");
+        }
+    } else if results.tolerance.is_some() {
+        html.push_str("<td></td><td></td><td></td>");
+    }
     let pair = baseline(results, variant).and_then(|other| {
         PairedDifference::between(&results.queries, &other.at(row.n), &variant.at(row.n))
     });

@@ -175,8 +175,8 @@ impl LearnConfig {
         Self::try_from(self.0)
     }
 
-    /// Takes images of one place that follow each other within `gap_s` for one visit; with 0 each
-    /// image is a visit of its own.
+    /// Takes images of one place that are less than `gap_s` apart for one visit; with 0 each image is
+    /// a visit of its own.
     #[must_use]
     pub fn with_stay_gap_s(mut self, gap_s: u32) -> Self {
         self.0.stay_gap_s = gap_s;
@@ -244,7 +244,7 @@ impl LearnConfig {
         &self.0.guard
     }
 
-    /// Images of one place that are no further apart are one stay, s (online recipe).
+    /// Images of one place that are less than this apart are one stay, s (online recipe).
     pub fn stay_gap_s(&self) -> u32 {
         self.0.stay_gap_s
     }

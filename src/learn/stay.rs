@@ -2,7 +2,7 @@
 //!
 //! A robot that stands still at ten images a second sees one thing three thousand times, and has
 //! seen it once. Were each image a visit of its own, five minutes at a charger by night would
-//! outweigh a fortnight of days. So images of one place that follow each other within
+//! outweigh a fortnight of days. So images of one place that follow each other in less than
 //! [`LearnConfig::stay_gap_s`](super::LearnConfig::stay_gap_s) are one *stay*, however long it is,
 //! and a stay adds a visit only now and then, by the place's own rhythm:
 //!
@@ -65,8 +65,7 @@ pub(super) struct Stays {
 }
 
 impl Stays {
-    /// Images of one place that are no further apart than `gap_s` are one stay; with 0 there are
-    /// no stays.
+    /// Images of one place that are less than `gap_s` apart are one stay; with 0 there are no stays.
     pub(super) fn new(gap_s: u32) -> Self {
         Self {
             gap_us: i64::from(gap_s) * 1_000_000,
@@ -90,7 +89,7 @@ impl Stays {
         let times = node.map_or(&[][..], |node| node.log.times());
         let us = time.as_us();
         let is_near = |from: Time, to: Time| {
-            (from.as_us() - self.gap_us..=to.as_us() + self.gap_us).contains(&us)
+            (from.as_us() - self.gap_us < us) && (us < to.as_us() + self.gap_us)
         };
         let known = (self.places.get_mut(place)).filter(|stay| is_near(stay.since, stay.until));
         if let Some(stay) = known {
@@ -144,7 +143,8 @@ impl Stays {
         let us = time.as_us();
         let is_near = |visit: Time| {
             visit >= stay.since
-                && (us - stay.spacing_us + 1..=us + self.gap_us).contains(&visit.as_us())
+                && (us - stay.spacing_us < visit.as_us())
+                && (visit.as_us() < us + self.gap_us)
         };
         let num_learnt = stay.learnt.iter().filter(|&&visit| is_near(visit)).count();
         log.filter(|&visit| is_near(visit)).count().max(num_learnt)
@@ -266,7 +266,7 @@ mod tests {
             }
         }
         assert_eq!(num_visits, MAX_VIEWS);
-        let apart = (1..50).map(|i| (1_000 + i * 61) as f64);
+        let apart = (1..50).map(|i| (1_000 + i * 60) as f64);
         assert_eq!(visits(&mut stays, &mut node, apart).len(), 49);
         let mut none = Stays::new(0);
         assert_eq!(

@@ -83,7 +83,8 @@ pub(super) struct BuildArgs {
 /// Visits that the map has already (same dataset, place, time and image) are not read again, so the
 /// same command can be repeated. Every few seconds what was learnt is committed as a generation,
 /// and `map rollback` returns to any of them. With the reference recipe (preset `lttl`) all of the
-/// map is written anew, once, at the end. Give the numbers that the map was built with.
+/// map is written anew, once, at the end. Give the numbers that the map was built with. Where visits
+/// are held, because they clearly show another place or next to nothing, the exit code is 1.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:

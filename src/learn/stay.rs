@@ -266,7 +266,7 @@ mod tests {
             }
         }
         assert_eq!(num_visits, MAX_VIEWS);
-        let apart = (1..50).map(|i| (1_000 + i * 60) as f64);
+        let apart = (1..50).map(|i| f64::from(1_000 + i * 60));
         assert_eq!(visits(&mut stays, &mut node, apart).len(), 49);
         let mut none = Stays::new(0);
         assert_eq!(

@@ -50,6 +50,7 @@ struct Fields {
     keep_appearances: KeepAppearances,
     experience_features: usize,
     min_inliers: u32,
+    stay_gap_s: u32,
     reobserve: MatchConfig,
     vote: VoteConfig,
     two_way: TwoWayConfig,
@@ -128,6 +129,7 @@ impl LearnConfig {
             keep_appearances: KeepAppearances::Experiences,
             experience_features: 50,
             min_inliers: 8,
+            stay_gap_s: 60,
             reobserve: MatchConfig::default(),
             vote: VoteConfig::default(),
             two_way: TwoWayConfig::default(),
@@ -145,6 +147,7 @@ impl LearnConfig {
                 reobserve: MatchConfig::lttl(crate::matching::Direction::MapToLive),
                 experience: fields.experience.clone().with_score(Score::Count),
                 guard: fields.guard.clone().with_judge(Judge::Never),
+                stay_gap_s: 0,
                 ..fields
             },
         })
@@ -170,6 +173,14 @@ impl LearnConfig {
     pub fn with_budget(mut self, budget: BudgetConfig) -> Result<Self> {
         self.0.budget = budget;
         Self::try_from(self.0)
+    }
+
+    /// Takes images of one place that are less than `gap_s` apart for one visit; with 0 each image is
+    /// a visit of its own.
+    #[must_use]
+    pub fn with_stay_gap_s(mut self, gap_s: u32) -> Self {
+        self.0.stay_gap_s = gap_s;
+        self
     }
 
     /// For a map that is built from visits whose places somebody has vouched for: only with
@@ -231,6 +242,11 @@ impl LearnConfig {
     /// How visits are judged before they are learnt (online recipe).
     pub fn guard(&self) -> &GuardConfig {
         &self.0.guard
+    }
+
+    /// Images of one place that are less than this apart are one stay, s (online recipe).
+    pub fn stay_gap_s(&self) -> u32 {
+        self.0.stay_gap_s
     }
 
     /// How large the map may become (online recipe).

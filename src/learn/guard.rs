@@ -22,6 +22,10 @@
 //! image that agrees less than *low*, and whose features agree with another place of the map better
 //! than with its own, is doubted as well.
 //!
+//! An image whose place somebody has vouched for ([`Circumstances::is_labelled`]) is believed as it
+//! is where a map is built: being unlike the place's past is what a first night is. It is doubted
+//! only if it agrees less than *low* and clearly looks like another place.
+//!
 //! No distribution is assumed: an honest visit is as likely to be the lowest as any other, so with
 //! m of them it falls below the lowest once in m + 1 times, and below half of it far less often.
 //!
@@ -66,6 +70,11 @@ const OUTGROWN: usize = 2;
 /// So many past agreements are as good as none.
 const DOUBTED_VISITS: f64 = 4.0;
 
+/// An image contradicts its label if so many times as many features agree with another place,
+const CLEAR_RATIO: usize = 2;
+/// and so many times as many as make an image one of a place at all.
+const SURE_RATIO: usize = 3;
+
 /// How an image came in, where that is known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Circumstances {
@@ -73,6 +82,8 @@ pub struct Circumstances {
     pub now: Option<Time>,
     /// The image was taken just now, and after those before it.
     pub is_live: bool,
+    /// Somebody who knows has said which place it shows.
+    pub is_labelled: bool,
     /// The grey levels that all but the darkest and the brightest hundredth of its pixels lie
     /// between.
     pub gray_range: Option<(u8, u8)>,
@@ -138,6 +149,13 @@ impl Disagreement {
             looks_like,
         })
     }
+}
+
+/// Whether an image speaks so much for another place that whoever labelled it must be wrong.
+///
+/// To be unlike the own place is not enough: that is what a first night or the first snow is.
+pub(super) fn contradicts(num_own: usize, num_other: usize, min_inliers: u32) -> bool {
+    num_other >= (CLEAR_RATIO * num_own).max(SURE_RATIO * min_inliers as usize)
 }
 
 /// Judges visits.
@@ -362,7 +380,7 @@ mod tests {
         let live = Circumstances {
             now: Some(now),
             is_live: true,
-            gray_range: None,
+            ..Circumstances::default()
         };
         let old = Circumstances {
             is_live: false,

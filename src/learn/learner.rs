@@ -5,8 +5,9 @@ use std::sync::Arc;
 use super::budget::{self, Room};
 use super::config::{KeepAppearances, LearnConfig, Recipe};
 use super::expectation::Expectations;
-use super::guard::{Circumstances, Guard};
+use super::guard::{Circumstances, Guard, contradicts};
 use super::guard_config::{ClockPolicy, Judge};
+use super::stay::{Part, Stays};
 use super::visit::{Found, Learnt, Observation, Scratch};
 use super::{online, reference};
 use crate::feature::{Features, FeaturesView, GrayImage};
@@ -35,6 +36,7 @@ pub struct Learner {
     /// `None` where visits are not judged.
     guard: Option<Guard>,
     expectations: Expectations,
+    stays: Stays,
     /// Bytes of each place, where they are bounded.
     num_bytes: Vec<usize>,
     scratch: Scratch,
@@ -81,6 +83,10 @@ impl Learner {
             held_has_changed: false,
             guard: (cfg.guard().judge() != Judge::Never).then(Guard::default),
             expectations: Expectations::default(),
+            stays: Stays::new(match cfg.recipe() {
+                Recipe::Online => cfg.stay_gap_s(),
+                Recipe::Reference => 0,
+            }),
             stale: vec![false; snapshot.nodes.len()],
             reobserve: Matcher::new(cfg.reobserve().clone()),
             experience: Matcher::new(cfg.experience().matching().clone()),
@@ -100,7 +106,14 @@ impl Learner {
         &self.held
     }
 
-    /// Learns one visit, or holds it if it is doubtful ([`GuardConfig`](super::GuardConfig)).
+    /// Goes on with the stays that another learner of the same places has followed: what comes next
+    /// may be of a visit that it has learnt.
+    pub fn follow_stays_of(&mut self, other: &Self) {
+        self.stays.follow(&other.stays);
+    }
+
+    /// Learns one visit, or holds it if it is doubtful ([`GuardConfig`](super::GuardConfig)). An
+    /// image of a visit that is under way changes nothing: [`Learnt::is_same_visit`] says so.
     ///
     /// Fails, and changes nothing, with [`ErrorKind::Shape`] if the image or its mask has another
     /// size than the map's images, with [`ErrorKind::AlreadyExists`] if the very same visit was
@@ -120,9 +133,59 @@ impl Learner {
         let mut features = observation.features.clone();
         features.truncate(self.cfg.features_per_visit());
         let (doubt, agreement) = self.judge(observation, &features, circumstances)?;
+        let is_same_visit = self.is_same_visit(observation, &features, doubt.is_some());
+        if is_same_visit {
+            return Ok(Learnt {
+                doubt,
+                is_same_visit,
+                ..Learnt::default()
+            });
+        }
         let Some(doubt) = doubt else {
+            self.stays.count_visit(&observation.place, observation.time);
             return self.integrate(visit, observation, features, agreement);
         };
+        self.hold(visit, observation, features, doubt.clone());
+        Ok(Learnt {
+            doubt: Some(doubt),
+            ..Learnt::default()
+        })
+    }
+
+    /// Whether the image belongs to a visit that was learnt or, if it is doubtful, to visits that
+    /// are held.
+    fn is_same_visit(
+        &mut self,
+        observation: &Observation<'_>,
+        features: &Features,
+        is_doubtful: bool,
+    ) -> bool {
+        let (place, time) = (&observation.place, observation.time);
+        let index = self.snapshot.find(place).map(|id| id.0 as usize);
+        let node = index.map(|index| &*self.snapshot.nodes[index]);
+        let part = self.stays.arrive(place, node, time);
+        if is_doubtful {
+            let held = self.held.visits().iter().filter(|it| it.place == *place);
+            return self.stays.is_held(place, time, held.map(|it| it.time));
+        }
+        match (part, index) {
+            (Part::Visit, _) | (_, None) => false,
+            (Part::Same, _) => true,
+            (Part::VisitIfNew, Some(index)) => {
+                let found = self.find(index, observation, features);
+                found.displacement.is_some()
+            }
+        }
+    }
+
+    /// Keeps a doubtful visit until somebody says what it is.
+    fn hold(
+        &mut self,
+        visit: Visit,
+        observation: &Observation<'_>,
+        features: Features,
+        reason: QuarantineReason,
+    ) {
         self.held_has_changed = true;
         let num_dropped = self.held.push(QuarantinedVisit {
             place: observation.place.clone(),
@@ -132,7 +195,7 @@ impl Learner {
             source: visit.source,
             image_size: observation.image_size,
             mask: observation.mask.map(|mask| Arc::new(MaskRuns::of(mask))),
-            reason: doubt.clone(),
+            reason,
             features: Arc::new(features),
         });
         if num_dropped > 0 {
@@ -141,10 +204,6 @@ impl Learner {
                 "too many visits are held: the oldest were dropped"
             );
         }
-        Ok(Learnt {
-            doubt: Some(doubt),
-            ..Learnt::default()
-        })
     }
 
     /// Learns a visit that is held, without judging it again.
@@ -255,7 +314,7 @@ impl Learner {
         }
         match self.snapshot.find(&observation.place) {
             Some(id) if self.snapshot.node(id).visits.len() >= self.cfg.guard().min_visits() => {
-                self.judge_view(id.0 as usize, observation, features)
+                self.judge_view(id.0 as usize, observation, features, circumstances)
             }
             _ => Ok((None, None)),
         }
@@ -267,6 +326,7 @@ impl Learner {
         index: usize,
         observation: &Observation<'_>,
         features: &Features,
+        circumstances: &Circumstances,
     ) -> Result<(Option<QuarantineReason>, Option<f64>)> {
         let found = self.find(index, observation, features);
         let node = &*self.snapshot.nodes[index];
@@ -281,22 +341,28 @@ impl Learner {
         };
         let disagreement = guard.disagreement(&self.cfg, index, node, agreement)?;
         let doubt = disagreement.and_then(|disagreement| {
-            let looks_like = self.match_other_places(index, observation, features, &found);
-            disagreement.judged(looks_like)
+            let num_own = found.distances.len();
+            let other = self.match_other_places(index, observation, features, num_own);
+            let is_believed = circumstances.is_labelled
+                && !(other.as_ref()).is_some_and(|&(_, num_other)| {
+                    contradicts(num_own, num_other, self.cfg.min_inliers())
+                });
+            let looks_like = other.map(|(place, _)| place);
+            (disagreement.judged(looks_like)).filter(|_| !is_believed)
         });
         Ok((doubt, Some(agreement.0)))
     }
 
     /// The other place that most of the image's features agree with, if it is more than do so with
-    /// the place at `own`. O(features of all places).
+    /// the place at `own`, and how many. O(features of all places).
     fn match_other_places(
         &mut self,
         own: usize,
         observation: &Observation<'_>,
         features: &Features,
-        found: &Found,
-    ) -> Option<PlaceKey> {
-        let mut most = found.distances.len();
+        num_own: usize,
+    ) -> Option<(PlaceKey, usize)> {
+        let mut most = num_own;
         let mut best = None;
         for index in (0..self.snapshot.nodes.len()).filter(|&index| index != own) {
             let num_agreeing = self.find(index, observation, features).distances.len();
@@ -305,7 +371,7 @@ impl Learner {
                 best = Some(index);
             }
         }
-        best.map(|index| self.snapshot.nodes[index].key.clone())
+        best.map(|index| (self.snapshot.nodes[index].key.clone(), most))
     }
 
     /// Looks for the features of the place at `index` in an image (online recipe).
@@ -344,6 +410,7 @@ impl Learner {
             num_born: found.born.len(),
             experience: is_experience,
             doubt: None,
+            is_same_visit: false,
             num_forgotten: 0,
         };
         let keep = match (self.cfg.recipe(), self.cfg.keep_appearances()) {

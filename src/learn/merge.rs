@@ -123,6 +123,7 @@ pub fn relearn(cfg: LearnConfig, map: &Snapshot) -> Result<Snapshot> {
     // A map's visits are believed already.
     let guard = cfg.guard().clone().with_judge(Judge::Never);
     let cfg = (cfg.with_guard(guard)).with_keep_appearances(KeepAppearances::All);
+    let cfg = cfg.with_stay_gap_s(0);
     let mut learner = Learner::new(cfg, map.meta.clone());
     for (node, visit) in &visits {
         let Some(features) = &visit.appearance else {

@@ -19,6 +19,8 @@
 //! its place if the experiences so far, of all places, do not locate it there. For FreEx, each
 //! visit also logs which experiences of its place would have located it by themselves.
 //!
+//! Images of one place seconds apart are one visit with more evidence, not many visits (`stay`).
+//!
 //! What does not agree with what was predicted of its place is not learnt but held
 //! ([`GuardConfig`], [`Quarantine`](crate::map::Quarantine)), until [`Learner::accept`] or
 //! [`Learner::reject`] says which. A map that may only grow so far forgets what is least useful
@@ -37,6 +39,7 @@ mod merge;
 mod online;
 mod overlap;
 mod reference;
+mod stay;
 mod visit;
 
 pub use budget_config::BudgetConfig;

@@ -36,6 +36,8 @@ pub struct Learnt {
     pub experience: bool,
     /// Why it was held instead; nothing else changed then.
     pub doubt: Option<QuarantineReason>,
+    /// Whether it belongs to a visit that was learnt, or is held, already: nothing has changed.
+    pub is_same_visit: bool,
     /// Features and visits that were forgotten to keep to the budget: the map does not extend its
     /// past then, and is stored by [`Map::replace`](crate::map::Map::replace).
     pub num_forgotten: usize,

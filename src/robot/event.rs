@@ -10,7 +10,8 @@ use fremen::error::Error;
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum Event {
-    /// An image was learnt, or quarantined if [`Learnt::doubt`] says why.
+    /// An image was learnt, or quarantined if [`Learnt::doubt`] says why, unless
+    /// [`Learnt::is_same_visit`] says that it adds nothing.
     Learnt {
         /// The place it was located at.
         place: PlaceKey,
@@ -57,6 +58,8 @@ pub struct Totals {
     pub num_located: usize,
     /// Visits that were learnt.
     pub num_learnt: usize,
+    /// Images that belong to a visit that was learnt or quarantined already.
+    pub num_same_visit: usize,
     /// Visits that were quarantined.
     pub num_quarantined: usize,
     /// Located images that could not be learnt.
@@ -78,6 +81,7 @@ pub struct Timing {
 impl Totals {
     pub(super) fn count(&mut self, event: &Event) {
         match event {
+            Event::Learnt { learnt, .. } if learnt.is_same_visit => self.num_same_visit += 1,
             Event::Learnt { learnt, .. } if learnt.doubt.is_some() => self.num_quarantined += 1,
             Event::Learnt { .. } => self.num_learnt += 1,
             Event::NotLearnt { .. } => self.num_not_learnt += 1,

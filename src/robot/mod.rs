@@ -368,6 +368,7 @@ impl Robot {
             circumstances: Circumstances {
                 now: frame.now.or_else(|| Some(Time::now())),
                 is_live: self.is_live,
+                is_labelled: false,
                 gray_range: frame.image.gray_range(mask.as_ref()),
             },
             session: self.session,

@@ -84,6 +84,7 @@ impl Pending {
         let learnt = learner.observe_under(&observation, &self.circumstances)?;
         // It was believed before, and somebody was told so.
         if learnt.doubt.is_some()
+            && !learnt.is_same_visit
             && self.is_learnt
             && let Some(id) = learner.held().visits().last().map(|it| it.id)
         {
@@ -136,6 +137,9 @@ impl OnlineLearner {
         circumstances: &Circumstances,
     ) -> Result<Learnt> {
         let learnt = self.learner.observe_under(observation, circumstances)?;
+        if learnt.is_same_visit {
+            return Ok(learnt);
+        }
         self.pending.push(Pending {
             place: observation.place.clone(),
             session: observation.session,
@@ -206,6 +210,7 @@ impl OnlineLearner {
     fn refresh(&mut self) -> Result<()> {
         let newest = self.map.refresh()?;
         let mut learner = Learner::resume(self.learner.cfg().clone(), Snapshot::clone(&newest))?;
+        learner.follow_stays_of(&self.learner);
         for visit in &self.pending {
             match visit.observe(&mut learner) {
                 // The other process has learnt the same image.

@@ -54,6 +54,15 @@ fn visits(times: &[Time], number: u64) -> Vec<Seen> {
 }
 
 fn observe(learner: &mut Learner, session: &str, it: &Seen) -> chronotope::Result<Learnt> {
+    observe_as(learner, session, it, false)
+}
+
+fn observe_as(
+    learner: &mut Learner,
+    session: &str,
+    it: &Seen,
+    is_labelled: bool,
+) -> chronotope::Result<Learnt> {
     let observation = Observation {
         place: world().places()[it.place].clone(),
         session: SessionId::derive(session),
@@ -65,6 +74,7 @@ fn observe(learner: &mut Learner, session: &str, it: &Seen) -> chronotope::Resul
     };
     let circumstances = Circumstances {
         gray_range: it.image.gray_range(None),
+        is_labelled,
         ..Circumstances::default()
     };
     learner.observe_under(&observation, &circumstances)
@@ -179,6 +189,43 @@ fn a_poisoned_session_changes_nothing_with_the_guard_and_harms_without_it() {
     assert_eq!(forgotten.nodes, clean().nodes);
     assert_eq!(answers(&forgotten).1, num_right);
     assert!(forget_session(&forgotten, SessionId::derive("poison")).is_err());
+}
+
+/// A first night is unlike all days, and like no other place.
+#[test]
+fn what_somebody_labelled_is_learnt_unless_it_looks_like_another_place() {
+    let mut learner = Learner::resume(LearnConfig::default(), clean().clone()).expect("sound");
+    let noon = schedule().query[0];
+    let night: Vec<Seen> = (0..4)
+        .map(|number| {
+            let time = noon.plus_us(number * 3_600_000_000);
+            // The picture of nowhere that the map knows.
+            let other = World::new(&WorldConfig::new(77).num_places(1)).expect("a valid world");
+            seen(0, time, other.render(0, noon, number as u64))
+        })
+        .collect();
+    let strict = observe(&mut learner, "strict", &night[0]).expect("fits");
+    assert!(strict.doubt.is_some());
+    for it in &night {
+        let learnt = observe_as(&mut learner, "night", it, true).expect("fits");
+        assert_eq!(learnt.doubt, None, "at {}", it.time);
+    }
+
+    let before = answers(clean()).0;
+    let mut learner = Learner::resume(LearnConfig::default(), clean().clone()).expect("sound");
+    let poison = poison();
+    let mut num_held = 0;
+    for it in &poison {
+        let learnt = observe_as(&mut learner, "poison", it, true).expect("fits");
+        num_held += usize::from(learnt.doubt.is_some());
+    }
+    println!("{num_held} of {} held", poison.len());
+    assert!(
+        num_held * 10 >= poison.len() * 9,
+        "{num_held} of {}",
+        poison.len()
+    );
+    assert_eq!(answers(&learner.snapshot().expect("in step")).0, before);
 }
 
 #[test]

@@ -206,6 +206,60 @@ fn bytes_of_places_and_of_the_map_are_bounded_too() {
     }
 }
 
+/// A robot that stands at a charger by night, at ten images a second.
+#[test]
+fn a_stay_of_three_thousand_images_leaves_the_other_hours_as_they_were() {
+    let answers = |snapshot: &Arc<Snapshot>| -> Vec<_> {
+        let cfg = LocalizerConfig::preset(Preset::Default);
+        let localizer = Localizer::new(Arc::clone(snapshot), cfg).expect("a map");
+        let mut scratch = localizer.scratch();
+        let answer = |number: u64| {
+            let live = image(number % 2, number / 2);
+            let query = (Query::new(&live).at(time(number / 2))).with_image_size((640, 480));
+            let answer = localizer.localize(&mut scratch, &query).expect("fits");
+            let ranked: Vec<_> = answer.ranking.iter().map(|it| it.node).collect();
+            (answer.decision, ranked)
+        };
+        (200..240).map(answer).collect()
+    };
+    let budget = BudgetConfig::default().with_visits_per_place(60);
+    for cfg in [
+        unguarded(),
+        LearnConfig::default(),
+        unguarded().with_budget(budget).expect("sound"),
+    ] {
+        let mut learner = Learner::new(cfg, meta());
+        for number in 0..160 {
+            observe(&mut learner, number);
+        }
+        let before = learner.snapshot().expect("in step");
+        let num_bytes = |snapshot: &Snapshot| -> usize {
+            snapshot.nodes.iter().map(|node| node.num_bytes()).sum()
+        };
+        let (answers_before, bytes_before) = (answers(&before), num_bytes(&before));
+        let mut num_same = 0;
+        for i in 0..3_000 {
+            // Each has a feature of its own, as noise makes them.
+            let mut live = image(0, 81);
+            push(&mut live, 5_000_000 + i);
+            let learnt = learner.observe(&Observation {
+                place: place(0),
+                session: SessionId::derive("charger"),
+                time: time(81).plus_us(i as i64 * 100_000),
+                features: &live,
+                image_size: (640, 480),
+                mask: None,
+                source: String::new(),
+            });
+            num_same += usize::from(learnt.expect("fits").is_same_visit);
+        }
+        assert!(num_same >= 2_999, "{num_same}");
+        let after = learner.snapshot().expect("in step");
+        assert!(num_bytes(&after) < bytes_before + 20_000);
+        assert_eq!(answers(&after), answers_before);
+    }
+}
+
 #[test]
 fn a_file_within_a_budget_does_not_grow() {
     let folder = folder();

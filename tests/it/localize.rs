@@ -67,7 +67,8 @@ fn learner(preset: Preset, keep: KeepAppearances) -> Learner {
     let cfg = LearnConfig::preset(preset).with_keep_appearances(keep);
     let mut learner = Learner::new(cfg, MapMeta::new(7, "star-brief", preset.name()));
     for seen in &street().learn {
-        learner.observe(&observation(seen)).expect("learns");
+        let learnt = learner.observe(&observation(seen)).expect("learns");
+        assert!(!learnt.is_same_visit);
     }
     learner
 }
@@ -525,7 +526,7 @@ fn features_of_a_shifted_visit_share_the_first_frame() {
         features: Features::from_parts(keypoints, base.features.descriptors().to_vec())
             .expect("pairs"),
         entry: Entry {
-            time: base.entry.time.plus_us(1),
+            time: base.entry.time.plus_us(3_600_000_000),
             ..base.entry.clone()
         },
     };

@@ -44,7 +44,7 @@ fn learn(world: &World, rounds: &[Time]) -> Arc<Snapshot> {
                 mask: None,
                 source: format!("{round}/{place}"),
             });
-            observed.expect("learns");
+            assert!(!observed.expect("learns").is_same_visit);
         }
     }
     let mut snapshot = (*learner.snapshot().expect("fits together")).clone();

@@ -26,7 +26,7 @@ use super::outcome::Outcome;
 use super::output::{Output, contents};
 use super::progress::Progress;
 use super::reading::ReadingArgs;
-use super::warnings::print_held;
+use super::warnings::{print_held, print_num_held};
 use chronotope::dataset::{Clock, Dataset, Entry, Manifest, Problem, blind_doubt};
 use chronotope::error::{Error, ErrorKind, printable};
 use chronotope::feature::{Extractor, ExtractorConfig, Features, GrayImage, StarBriefConfig};
@@ -89,7 +89,8 @@ pub(super) struct BuildArgs {
 /// not learnt again, so the same command can be repeated. Every few seconds what was learnt is
 /// committed as a generation, and `map rollback` returns to any of them. With the reference recipe
 /// (preset `lttl`) all of the map is written anew, once, at the end. Give the numbers that the map
-/// was built with. Exit code 0 if nothing was left out, 1 if something was, 2 if it failed.
+/// was built with. Exit code 0 if nothing was left out, 1 if something was or visits are held,
+/// because they clearly show another place or next to nothing, 2 if it failed.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -232,6 +233,7 @@ struct Build {
     /// Images with nothing to see are problems; what holds visits judges them itself.
     leaves_out_blind: bool,
     num_learnt: usize,
+    num_same_visit: usize,
     num_held: usize,
     /// Images that the map had learnt by another name.
     num_known: usize,
@@ -313,6 +315,7 @@ impl Build {
             extractor,
             part: None,
             num_learnt: 0,
+            num_same_visit: 0,
             num_held: 0,
             num_known: 0,
         })
@@ -354,6 +357,7 @@ impl Build {
                 if self.num_known > 0 {
                     eprintln!("{} images were learnt before", self.num_known);
                 }
+                self.count_same_visit();
                 self.count_held();
                 let summary = snapshot.summary();
                 out.line(format_args!(
@@ -362,7 +366,9 @@ impl Build {
                     contents(&summary, format_args!(" ({} learnt now)", self.num_learnt)),
                     summary.num_appearances,
                 ))?;
-                Ok(Outcome::of_check(self.problems.is_empty()))
+                Ok(Outcome::of_check(
+                    self.problems.is_empty() && self.num_held == 0,
+                ))
             }
             Err(error) => Err(self.give_up(error)),
         }
@@ -458,9 +464,14 @@ impl Build {
         let circumstances = Circumstances {
             now: Some(Time::now()),
             is_live: false,
+            is_labelled: true,
             gray_range: image.gray_range,
         };
         let learnt = (self.learner).observe(&observation, &circumstances)?;
+        if learnt.is_same_visit {
+            self.num_same_visit += 1;
+            return Ok(());
+        }
         if let Some(doubt) = &learnt.doubt {
             self.num_held += 1;
             print_held(&entry.id, doubt, &self.out);
@@ -555,13 +566,25 @@ impl Build {
         }
     }
 
+    /// Says how many images were no visits of their own.
+    fn count_same_visit(&self) {
+        if self.num_same_visit > 0 {
+            eprintln!(
+                "note: {} more images belong to these visits: their place was seen less than {} s \
+                 before",
+                self.num_same_visit,
+                self.learner.learner().cfg().stay_gap_s()
+            );
+        }
+    }
+
     /// Says how many visits are held, and how many there was no room for.
     fn count_held(&self) {
         if self.num_held == 0 {
             return;
         }
         let num_kept = self.learner.learner().held().visits().len();
-        eprintln!("{num_kept} visits are held: see above");
+        print_num_held(num_kept, &self.out);
         if num_kept < self.num_held {
             eprintln!(
                 "warning: {} visits were held in this run, and there is no room for all: the oldest \

@@ -15,7 +15,7 @@ use super::outcome::Outcome;
 use super::output::Output;
 use super::pictures::{Picture, Pictures, TimeSource};
 use super::reading::{Adjust, ReadingArgs};
-use super::warnings::{print_held, warn_of_time};
+use super::warnings::{print_held, print_num_held, warn_of_time};
 use super::within::Within;
 use chronotope::error::Error;
 use chronotope::feature::{LoadOptions, load_mask};
@@ -465,6 +465,7 @@ impl<'o> Guide<'o> {
         let map = self.robot.path().to_owned();
         for event in self.robot.events() {
             match event {
+                Event::Learnt { learnt, .. } if learnt.is_same_visit => {}
                 Event::Learnt { source, learnt, .. } if learnt.doubt.is_some() => {
                     if let Some(doubt) = &learnt.doubt {
                         print_held(&source, doubt, &map);
@@ -513,6 +514,18 @@ impl<'o> Guide<'o> {
                 "learnt: {} visits, {} held; {path} is at generation {generation}",
                 totals.num_learnt, totals.num_quarantined
             );
+            if totals.num_same_visit > 0 {
+                eprintln!(
+                    "note: {} more images belong to these visits or to those just before",
+                    totals.num_same_visit
+                );
+            }
+            if totals.num_quarantined > 0 {
+                print_num_held(totals.num_quarantined, Path::new(&path));
+                if self.outcome == Outcome::Good {
+                    self.outcome = Outcome::Doubtful;
+                }
+            }
             if totals.num_learnt + totals.num_quarantined > 0 {
                 eprintln!(
                     "to take this run back: chronotope map forget {path} --session {session}"

@@ -17,6 +17,18 @@ pub(super) fn print_held(source: &str, doubt: &QuarantineReason, map: &Path) {
     );
 }
 
+/// Says how many visits wait, and what can be done about them.
+pub(super) fn print_num_held(num_held: usize, map: &Path) {
+    let (what, map) = match num_held {
+        1 => ("1 visit is".to_owned(), map.display()),
+        _ => (format!("{num_held} visits are"), map.display()),
+    };
+    eprintln!(
+        "{what} held and not learnt: `chronotope map held {map}` lists them, `chronotope map accept \
+         {map} --all` learns them, `chronotope map drop {map} --all` forgets them"
+    );
+}
+
 /// Says so if `time` lies before the map's visits or far after them; answers are given all the
 /// same.
 pub(super) fn warn_of_time(snapshot: &Snapshot, time: Time, name: Option<&str>) -> bool {

@@ -162,13 +162,18 @@ impl HeldBuild {
         let mut num_visits = 1;
         for day in 0..40 {
             for (place, time, name, _) in images() {
-                let time = time.plus_us(day * 60_000_000);
+                let time = time.plus_us(day * 120_000_000);
                 writeln!(index, "place-{place:02},{time},{name}").expect("memory");
                 num_visits += 1;
             }
         }
         let (_, time, ..) = images()[images().len() / 2];
-        writeln!(index, "place-00,{},images/pipe.png", time.plus_us(1)).expect("memory");
+        writeln!(
+            index,
+            "place-00,{},images/pipe.png",
+            time.plus_us(60_000_000)
+        )
+        .expect("memory");
         fixture.write("data/index.csv", index);
         let path = fixture.path(Self::PIPE);
         let made = Command::new("mkfifo").arg(&path).status();

@@ -19,15 +19,19 @@ fn doubtful_visits_are_held_until_they_are_accepted_or_dropped() {
     fixture.write("odd/black.png", plain((320, 240), 3));
     fixture.write("odd/other.png", png(1, later, 7));
     fixture.write("odd/own.png", png(1, later, 7));
-    let update = || fixture.succeeds("map update street.map --data odd");
+    let update = || fixture.run("map update street.map --data odd");
     let updated = update();
+    assert_eq!(updated.code, 1, "{updated:?}");
     updated.prints(&["(1 learnt now)"]);
     updated.notes(&[
         "the image is black",
         "it looks like place `place-01`",
         "2 visits are held",
+        "chronotope map accept street.map --all",
     ]);
-    update().prints(&["(0 learnt now)"]);
+    let again = update();
+    again.prints(&["(0 learnt now)"]);
+    assert_eq!(again.code, 0, "nothing more is held: {again:?}");
 
     let held = || fixture.run("map held street.map --json").lines();
     let listed = held();

@@ -6,7 +6,7 @@ use std::io::{BufRead as _, BufReader};
 use std::process::Stdio;
 use std::time::Duration;
 
-use crate::fixture::{Fixture, NUM_PLACES, NUM_VISITS, images, plain};
+use crate::fixture::{Fixture, NUM_PLACES, NUM_VISITS, images, plain, png, query_time};
 use chronotope::Period;
 use chronotope::map::Map;
 
@@ -48,6 +48,45 @@ fn an_update_ends_where_a_build_of_everything_does() {
         assert!(fixture.open("grown.map").summary().num_visits <= 16);
         fixture.succeeds("map verify grown.map");
     }
+}
+
+#[test]
+fn a_stay_is_one_visit_by_update_and_by_learning_live() {
+    let fixture = Fixture::with_map();
+    let num_visits = || fixture.open("street.map").summary().num_visits;
+    let bytes = || {
+        fs::metadata(fixture.path("street.map"))
+            .expect("there")
+            .len()
+    };
+    let (visits_before, bytes_before) = (num_visits(), bytes());
+    let mut index = String::from("place,time,path\n");
+    for i in 0..300 {
+        let time = query_time().plus_us(i * 100_000);
+        writeln!(index, "place-00,{time},still.png").expect("memory");
+    }
+    fs::create_dir(fixture.path("dock")).expect("writable");
+    fixture.write("dock/index.csv", index);
+    fixture.write("dock/still.png", png(0, query_time(), 7));
+    let update = || fixture.succeeds("map update street.map --data dock");
+    let updated = update();
+    updated.prints(&["(1 learnt now)"]);
+    updated.notes(&["299 more images belong to these visits"]);
+    assert_eq!(num_visits(), visits_before + 1);
+    let generation = fixture.open("street.map").generation;
+    update().prints(&["(0 learnt now)"]);
+    assert_eq!(fixture.open("street.map").generation, generation);
+
+    let stills = vec!["still.png"; 20].join(" ");
+    fixture.write("still.png", png(0, query_time(), 8));
+    let later = query_time().plus_us(Period::DAY.as_us());
+    let ran = fixture.succeeds(&format!(
+        "localize street.map --time {later} --learn {stills}"
+    ));
+    ran.notes(&["learnt: 1 visits"]);
+    assert_eq!(num_visits(), visits_before + 2);
+    assert!(bytes() < bytes_before + 200_000, "{} bytes", bytes());
+    fixture.succeeds("map verify street.map");
 }
 
 /// `CHRONOTOPE_TEST_KILLS` makes it longer.

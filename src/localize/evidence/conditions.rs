@@ -10,9 +10,15 @@
 //! P(matches | here) = sum over rho of P(rho) * product over f of P(match of f | rho * p_f)
 //! ```
 //!
-//! An image that shows a tenth of what was expected, all in the right order, is then one taken under
-//! bad conditions; without the mean, nine missing features in ten would outweigh the tenth that was
-//! found, and places of few features, which have little to miss, would win.
+//! An image that shows a tenth of what was expected, all in the right order, is then one taken
+//! under bad conditions; without the mean, nine missing features in ten would outweigh the tenth
+//! that was found, and places of few features, which have little to miss, would win.
+//!
+//! The more images of their own place were held out, the better the rates of single features are
+//! known, conditions and all, and the more a missing feature says: the conditions draw together, as
+//! `rho^k` with `k = 1 / (1 + (images / 20)^1.5)` ([`spread`]). In a map of hundreds of visits nearly
+//! nothing is left of them. (Kept apart, they cost six points of first choices where places are
+//! told by what is missing: Las Vegas, n = 50, 1398 queries.)
 //!
 //! `P(rho)` is learnt from past visits that are held out, drawn to what is usual over many maps
 //! ([`PRIOR`]): expectation maximisation with a Dirichlet prior of [`PRIOR_IMAGES`] images.
@@ -28,8 +34,16 @@ pub(super) type Conditions = [f64; CONDITIONS.len()];
 pub(super) const PRIOR: Conditions = [0.1, 0.2, 0.2, 0.2, 0.2, 0.1];
 /// So many images at that rate are added to those of each map.
 const PRIOR_IMAGES: f64 = 6.0;
+/// So many held-out images halve the distance between conditions.
+const KNOWN_BY: f64 = 20.0;
 /// Rounds of expectation maximisation; it has settled long before.
 const NUM_ROUNDS: usize = 30;
+
+/// How far the conditions are apart once so many images of their own place were held out: 1 where
+/// none was, towards 0 where there were many.
+pub(super) fn spread(num_images: usize) -> f64 {
+    1.0 / (1.0 + (num_images as f64 / KNOWN_BY).powf(1.5))
+}
 
 /// How often each condition was met, given the log likelihood of each image under each.
 pub(super) fn learn_conditions(images: &[Conditions]) -> Conditions {

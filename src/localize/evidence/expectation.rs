@@ -50,6 +50,8 @@ pub(in crate::localize) struct Expectation {
     log_weights: Vec<f64>,
     /// So many features take part.
     num_finalized: usize,
+    /// How much more or less often features are found, under each condition.
+    conditions: Conditions,
     /// ln of the prior of each condition, and of their sum where all are missing, without what
     /// reference visits add.
     log_prior: Conditions,
@@ -91,6 +93,7 @@ impl Expectation {
     ) {
         let outliers = calibration.outlier_ratios(node);
         self.level = calibration.level(node);
+        self.conditions = CONDITIONS.map(|condition| condition.powf(calibration.spread));
         self.log_prior = calibration.conditions.map(f64::ln);
         if calibration.uses_references {
             self.restart_weighted(num_references, outliers, similarity);
@@ -149,6 +152,7 @@ impl Expectation {
         len: usize,
     ) {
         self.level = calibration.level(node);
+        self.conditions = CONDITIONS.map(|condition| condition.powf(calibration.spread));
         self.log_prior = calibration.conditions.map(f64::ln);
         self.restart_alone(calibration.outlier_ratios(node));
         for rank in 0..len {
@@ -168,7 +172,7 @@ impl Expectation {
         } else {
             detection
         };
-        let ratios = CONDITIONS.map(|condition| log_ratios(condition * unseen, false_rate));
+        let ratios = (self.conditions).map(|condition| log_ratios(condition * unseen, false_rate));
         let missing = ratios.map(|[missing, _]| missing + self.outliers.missing);
         self.missing.push(missing);
         let matched = std::array::from_fn(|at| ratios[at][1] - missing[at]);
@@ -176,7 +180,8 @@ impl Expectation {
         self.words.push(references);
         if has_references {
             let by_reference = unseen + REFERENCE_WEIGHT * REPEATABILITY;
-            let seen = CONDITIONS.map(|condition| log_ratios(condition * by_reference, false_rate));
+            let seen =
+                (self.conditions).map(|condition| log_ratios(condition * by_reference, false_rate));
             let added = |kind: usize| -> Conditions {
                 std::array::from_fn(|at| seen[at][kind] - ratios[at][kind])
             };
@@ -430,6 +435,7 @@ mod tests {
         let calibration = Calibration::uninformed();
         for num_references in [0, 3] {
             let mut expectation = Expectation {
+                conditions: CONDITIONS,
                 log_prior: PRIOR.map(f64::ln),
                 ..Expectation::default()
             };
@@ -493,6 +499,7 @@ mod tests {
         let (here, others) = (0.3, 0.2);
         let odds = |outliers: OutlierRatios, num_outliers: usize| {
             let mut expectation = Expectation {
+                conditions: CONDITIONS,
                 log_prior: PRIOR.map(f64::ln),
                 ..Expectation::default()
             };

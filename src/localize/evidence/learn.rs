@@ -15,7 +15,7 @@
 
 use std::sync::Arc;
 
-use super::conditions::{CONDITIONS, Conditions, learn_conditions};
+use super::conditions::{self, CONDITIONS, Conditions, learn_conditions};
 use super::curve::Curve;
 use super::expectation::{Expectation, Hits, LogMean};
 use super::held_out::{Found, OutlierCounts, RATE_SIZE, Record, Trial, match_held_out};
@@ -87,6 +87,8 @@ impl Calibration {
         let (visits, trials) = match_held_out(map, plans, &calibration.neighbours)?;
         calibration.num_images = visits.len();
         calibration.neighbours = calibration.neighbours.with_reach(reach(&trials));
+        let of_own = trials.iter().filter(|it| it.steps == Some(0));
+        calibration.spread = conditions::spread(of_own.count());
         calibration.learn_rates(map, &trials);
         calibration.learn_outliers(map.plans.len(), &trials);
         let seen = Reobservation::of(&map.snapshot)?;

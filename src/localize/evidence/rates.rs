@@ -27,7 +27,10 @@ use crate::map::{NodeId, Snapshot};
 use crate::matching::Displacement;
 
 /// So many trials at the mean rate are added to those of each feature.
-pub(super) const FALSE_RATE_PRIOR: f64 = 100.0;
+pub(super) const FALSE_RATE_PRIOR: f64 = 20.0;
+/// So many times as many more where nothing was held out: what is found elsewhere is then also what
+/// is found again.
+const FEW_VISITS_PRIOR: f64 = 4.0;
 /// The rate of false matches while nothing is known.
 pub(super) const FALSE_RATE: f64 = 0.01;
 const FALSE_RATES: std::ops::RangeInclusive<f64> = 0.001..=0.9;
@@ -43,6 +46,8 @@ pub struct Calibration {
     pub(super) detection: Curve,
     /// How often each of the conditions is met under which images are taken.
     pub(super) conditions: Conditions,
+    /// How far these are apart, as a power.
+    pub(super) spread: f64,
     /// How much more often than that features of each place are found.
     pub(super) repeatability: Vec<f64>,
     pub(super) false_rate: f64,
@@ -130,6 +135,7 @@ impl Calibration {
         Self {
             detection: Curve::constant(0.3),
             conditions: PRIOR,
+            spread: 1.0,
             repeatability: Vec::new(),
             false_rate: FALSE_RATE,
             place_false_rates: Vec::new(),
@@ -165,7 +171,7 @@ impl Calibration {
 
     /// What a place scores in images that do not show it, on average.
     pub(super) fn level(&self, node: NodeId) -> f64 {
-        self.levels.get(node.0 as usize).copied().unwrap_or(0.0)
+        self.spread * self.levels.get(node.0 as usize).copied().unwrap_or(0.0)
     }
 
     /// What outlier matches say at a place.
@@ -279,7 +285,8 @@ impl Calibration {
         let found = f64::from(trials.found.saturating_sub(but.found));
         let tried = f64::from(trials.tried.saturating_sub(but.tried));
         let usual = (self.place_false_rates.get(node.0 as usize)).unwrap_or(&self.false_rate);
-        let rate = (found + FALSE_RATE_PRIOR * usual) / (tried + FALSE_RATE_PRIOR);
+        let prior = FALSE_RATE_PRIOR * (1.0 + FEW_VISITS_PRIOR * self.spread);
+        let rate = (found + prior * usual) / (tried + prior);
         rate.clamp(*FALSE_RATES.start(), *FALSE_RATES.end())
     }
 
@@ -295,6 +302,7 @@ impl Calibration {
                 .iter()
                 .all(|(score, rate)| score.is_finite() && is_rate(rate))
             && is_rate(&self.false_rate)
+            && is_rate(&self.spread)
             && self
                 .conditions
                 .iter()

@@ -24,6 +24,11 @@
 //! query alone, not on earlier queries or threads (ties go to the lowest node and are counted);
 //! with a warmed-up [`Scratch`] and output, nothing is allocated.
 //!
+//! Places of a dense route overlap, and an image between two of them shows both. They are no
+//! impostors of each other: their probabilities are added up, and where only the sum is as sure as
+//! the risk asks for, the decision is [`Decision::Near`] with the places that are left open
+//! ([`Localization::region`]; `neighbours.rs` says which places that may be).
+//!
 //! Each query stands alone; a [`Tracker`] follows a robot from image to image along the map's
 //! edges.
 //!

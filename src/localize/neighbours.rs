@@ -1,14 +1,17 @@
 //! Which places are next to each other, and how far do they look alike?
 //!
-//! Places of a dense route overlap: the image of one shows half of the next. To a robot they are not
-//! impostors but the same whereabouts, so they are added up in a [region](super::Localization::region),
-//! and what one place's image finds at the next is no false match.
+//! Places of a dense route overlap: the image of one shows half of the next. To a robot they are
+//! not impostors but the same whereabouts, so they are added up in a
+//! [region](super::Localization::region), and what one place's image finds at the next is no false
+//! match.
 //!
 //! Places are linked by the map's edges, and where a robot once went from one straight to the
 //! other: two visits after one another in one *run*, the visits up to the first place that was seen
 //! before. Where several places have the very same time, the order is not known and nothing is
 //! linked. How many links apart places still look alike, the *reach*, is learnt with the
 //! [`Calibration`](super::Calibration) from matches between the map's own images.
+//!
+//! Cost: O(visits log visits) to link; a search over a few links to go round a place.
 
 use std::collections::BTreeSet;
 
@@ -196,4 +199,62 @@ fn steps(run: &[Stop]) -> impl Iterator<Item = (Stop, Stop)> + '_ {
     (1..run.len())
         .filter(move |&at| run[at - 1].node != run[at].node && is_alone(at - 1) && is_alone(at))
         .map(|at| (run[at - 1], run[at]))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::map::{AppearanceUse, MapMeta, Node, PlaceKey, SessionId, Visit, VisitId};
+    use fremen::visibility::BitRow;
+
+    /// A map whose places were seen at these seconds.
+    fn snapshot(visits: &[&[i64]]) -> Snapshot {
+        let mut snapshot = Snapshot::empty(MapMeta::new(1, "none", "default"));
+        for (index, times) in visits.iter().enumerate() {
+            let key = PlaceKey::new(&format!("p{index}")).expect("a key");
+            let mut node = Node::new(key);
+            for &s in *times {
+                let row = BitRow::zeros(0);
+                (node.log.push_visit(Time::from_s(s), row, None)).expect("fits");
+                node.visits.push(Visit {
+                    id: VisitId(0),
+                    session: SessionId::derive("walk"),
+                    time: Time::from_s(s),
+                    source: String::new(),
+                    appearance: None,
+                    appearance_use: AppearanceUse::Experience,
+                });
+            }
+            snapshot.nodes.push(Arc::new(node));
+        }
+        snapshot
+    }
+
+    #[test]
+    fn a_run_ends_where_a_place_is_seen_again_and_a_stay_is_no_return() {
+        let map = snapshot(&[&[0, 5, 100], &[10, 110], &[20, 120]]);
+        let lengths: Vec<usize> = runs(&map).iter().map(Vec::len).collect();
+        assert_eq!(lengths, [4, 3]);
+        let alone = snapshot(&[&[0, 30, 3_600, 7_200]]);
+        assert_eq!(
+            runs(&alone).len(),
+            3,
+            "half a minute is a stay, an hour is not"
+        );
+    }
+
+    #[test]
+    fn the_way_links_places_and_equal_times_and_long_pauses_do_not() {
+        let map = snapshot(&[&[0], &[10], &[20], &[30], &[100_000]]);
+        let known = Neighbours::of(&map).with_reach(2);
+        assert_eq!(known.links(NodeId(1)), [0, 2]);
+        assert_eq!(known.links(NodeId(4)), [0; 0]);
+        assert_eq!(known.beside(NodeId(0)), [1, 2]);
+        assert_eq!(known.around(NodeId(0), 3).len(), 3);
+        assert!(known.holds_together(5) && !known.holds_together(4));
+        let together = snapshot(&[&[0, 60], &[0, 60], &[0, 60]]);
+        assert_eq!(Neighbours::of(&together).links(NodeId(0)), [0; 0]);
+    }
 }

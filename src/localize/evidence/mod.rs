@@ -6,11 +6,11 @@
 //!
 //! ```text
 //! ln( P(D | here) / P(D | another place) )
-//!   + ln mean over reference visits v of product over f of
-//!         p_fv / q_f * g1(d) / g0(d)                        f matched
-//!         (1 - p_fv) / (1 - q_f) * a / b                    f has an outlier match
-//!         (1 - p_fv) / (1 - q_f) * (1 - a) / (1 - b)        f not matched
-//!   p_fv = (p_f + r s_fv) / 2
+//!   + ln mean over conditions rho of mean over reference visits v of product over f of
+//!         (1 - (1 - p_fv) (1 - q_f)) / q_f * g1(d) / g0(d)  f matched, seen or by chance
+//!         (1 - p_fv) * a / b                                f has an outlier match
+//!         (1 - p_fv) * (1 - a) / (1 - b)                    f not matched
+//!   p_fv = rho (p_f + r s_fv) / 2
 //! ```
 //!
 //! A feature is matched if its match agrees with D, and has an outlier match if its match does not:
@@ -23,8 +23,12 @@
 //! again under the same conditions; an appearance of one visit has no reference visits, and its
 //! `p_f` stands for itself.
 //!
+//! The mixture over conditions (`conditions.rs`) allows for images that show less of a place than
+//! was expected, for reasons that nobody foretold; it matters in maps of few visits.
+//!
 //! The rates are those of a [`Calibration`] (`rates.rs`), which is learnt from past visits that are
-//! held out (`held_out.rs`, `learn.rs`) and may be attached to the map (`attachment.rs`). What
+//! held out, a whole run of the robot at once (`held_out.rs`, `learn.rs`), from what is usual where
+//! nothing can be, and may be attached to the map (`attachment.rs`). What
 //! comes of an image is summed in `expectation.rs` and turned into a posterior in `posterior.rs`.
 //!
 //! Source: the likelihood ratio over matched and missing features goes beyond T-RO 2017 VII, which

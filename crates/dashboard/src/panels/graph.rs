@@ -8,7 +8,6 @@
 use std::f64::consts::TAU;
 
 use anyhow::Result;
-use chronotope::localize::Decision;
 use chronotope::trace::{MapSummary, Trace};
 use rerun::external::re_sdk_types::datatypes::Range2D;
 use rerun::{GraphEdges, GraphNodes, RecordingStream};

@@ -176,10 +176,7 @@ impl EdgeMotion {
         let cfg = cfg.checked()?;
         let mut neighbours = vec![Vec::new(); snapshot.nodes.len()];
         if snapshot.edges.is_empty() {
-            let known = Neighbours::of(snapshot);
-            for (node, neighbours) in (0..).map(NodeId).zip(&mut neighbours) {
-                neighbours.extend(known.links(node).iter().map(|&to| NodeId(to)));
-            }
+            return Self::along(&Neighbours::of(snapshot), snapshot.nodes.len(), &cfg);
         }
         let mut ends: Vec<_> = (snapshot.edges.iter())
             .filter_map(|edge| Some((snapshot.find(&edge.from)?, snapshot.find(&edge.to)?)))
@@ -194,6 +191,24 @@ impl EdgeMotion {
         Ok(Self {
             stay: cfg.stay(),
             neighbours,
+        })
+    }
+}
+
+impl EdgeMotion {
+    /// Along the ways that the robot took when it learnt a map of so many places.
+    fn along(known: &Neighbours, num_places: usize, cfg: &MotionConfig) -> Result<Self> {
+        let cfg = cfg.checked()?;
+        let of = |node: u32| {
+            known
+                .links(NodeId(node))
+                .iter()
+                .map(|&to| NodeId(to))
+                .collect()
+        };
+        Ok(Self {
+            stay: cfg.stay(),
+            neighbours: (0..num_places as u32).map(of).collect(),
         })
     }
 }
@@ -298,7 +313,14 @@ impl Tracker {
     ///
     /// Fails with [`ErrorKind::Config`] where a number of `cfg` is no probability.
     pub fn new(localizer: &Localizer, cfg: MotionConfig) -> Result<Self> {
-        let motion = EdgeMotion::new(localizer.snapshot(), &cfg)?;
+        let snapshot = localizer.snapshot();
+        let motion = match localizer.calibration() {
+            // The calibration has found the ways already.
+            Some(known) if snapshot.edges.is_empty() => {
+                EdgeMotion::along(&known.neighbours, snapshot.nodes.len(), &cfg)?
+            }
+            _ => EdgeMotion::new(snapshot, &cfg)?,
+        };
         let mut tracker = Self::with_motion(Arc::new(motion), cfg)?;
         if let Some(known) = localizer.calibration() {
             tracker.neighbours = known.neighbours.clone();

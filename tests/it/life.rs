@@ -385,6 +385,11 @@ fn one_process_learns_while_another_localises() {
         .expect("extends");
     drop(map);
 
+    // Before the other process starts: how long a localizer takes to make is not the question.
+    let reader = Map::open_read_only(&path).expect("sound");
+    let cfg = LocalizerConfig::preset(Preset::Default);
+    let mut localizer = Localizer::new(reader.snapshot(), cfg).expect("a map");
+    let mut scratch = localizer.scratch();
     let (mut writer, lines) = crate::map::start_again(
         "life::one_process_learns_while_another_localises",
         FILE,
@@ -399,11 +404,8 @@ fn one_process_learns_while_another_localises() {
             }
         }
     });
-    let reader = Map::open_read_only(&path).expect("sound");
-    let cfg = LocalizerConfig::preset(Preset::Default);
-    let mut localizer = Localizer::new(reader.snapshot(), cfg).expect("a map");
-    let mut scratch = localizer.scratch();
-    let (mut num_answers, mut num_generations, mut newest) = (0_u64, 0, 0);
+    let first = localizer.snapshot().generation;
+    let (mut num_answers, mut num_generations, mut newest) = (0_u64, 1, first);
     while newest <= num_commits {
         let known = acknowledged.load(Ordering::SeqCst);
         let snapshot = reader.refresh().expect("readable at any moment");

@@ -84,7 +84,9 @@ impl Finder {
     /// Features that are predicted of all places, at most.
     fn num_predicted(snapshot: &Snapshot, cfg: &LocalizerConfig) -> usize {
         match cfg.selection() {
-            Selection::Top(n) => n.get().saturating_mul(snapshot.nodes.len()),
+            Selection::Top(n) => (snapshot.nodes.iter())
+                .map(|node| cfg.num_predicted(n.get(), node.log.num_visits()))
+                .sum(),
             Selection::Threshold(_) => snapshot.nodes.iter().map(|it| it.features.len()).sum(),
         }
     }

@@ -181,12 +181,20 @@ fn located_tile(results: &SuiteResults, row: &Row, tile: &mut impl FnMut(String,
     let what = if of.located == 0 {
         "located: no answer was sure enough to act on".to_owned()
     } else {
-        let beyond = (results.tolerance).map_or_else(String::new, |tolerance| {
-            let far = share(of.located_wrong, of.located);
-            format!(", {far:.1} % by more than {}", tolerance.in_words())
-        });
-        let wrong = share(of.located_wrong_exact, of.located);
-        format!("located: sure enough to act on; {wrong:.1} % of these are wrong{beyond}")
+        let exact = share(of.located_wrong_exact, of.located);
+        // Within a tolerance, what lies beyond it is the mistake; a neighbour is none.
+        let wrong = results.tolerance.map_or_else(
+            || format!("{exact:.1} % of these are wrong"),
+            |tolerance| {
+                let far = share(of.located_wrong, of.located);
+                let words = tolerance.in_words();
+                format!(
+                    "{far:.1} % of these are wrong by more than {words}; \
+                     {exact:.1} % do not name the very place first"
+                )
+            },
+        );
+        format!("located: sure enough to act on; {wrong}")
     };
     tile(format!("{:.1} %", share(of.located, row.queries)), what);
 }

@@ -42,6 +42,8 @@ struct Entry {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     mask: Option<MaskRuns>,
     num_features: usize,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    labelled: bool,
     doubt: QuarantineReason,
 }
 
@@ -137,6 +139,7 @@ fn entry_of(visit: &QuarantinedVisit, order: u64, is_whole: bool) -> Entry {
         image_height: visit.image_size.1,
         mask: visit.mask.as_deref().cloned(),
         num_features: visit.features.len(),
+        labelled: visit.is_labelled,
         doubt: visit.reason.clone(),
     }
 }
@@ -188,6 +191,7 @@ fn visit_of(entry: Entry, rest: &mut &[u8]) -> Result<QuarantinedVisit, String> 
         source: entry.source,
         image_size: (entry.image_width, entry.image_height),
         mask: entry.mask.map(Arc::new),
+        is_labelled: entry.labelled,
         reason: entry.doubt,
         features: Arc::new(pair(keypoints, descriptors).map_err(|it| it.message)?),
     })

@@ -187,6 +187,8 @@ pub struct QuarantinedVisit {
     pub image_size: (u32, u32),
     /// What of it could be observed, if not all.
     pub mask: Option<Arc<MaskRuns>>,
+    /// Whether somebody had said which place it shows, and was not believed.
+    pub is_labelled: bool,
     /// Why it is quarantined.
     pub reason: QuarantineReason,
     /// Its features, strongest first.

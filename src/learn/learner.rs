@@ -130,13 +130,15 @@ impl Learner {
         circumstances: &Circumstances,
     ) -> Result<Learnt> {
         let visit = self.check(observation)?;
-        // What was not believed once is not judged again, whoever brings it: that is for somebody
-        // who knows better.
-        if self.guard.is_some()
-            && let Some(doubt) = self.held.reason(visit.id)
+        // What was not believed is not judged again, whoever brings it, unless somebody has said
+        // since which place it shows.
+        let held = self.held.find(visit.id).filter(|_| self.guard.is_some());
+        let is_held = held.is_some();
+        if let Some(held) = held
+            && (held.is_labelled || !circumstances.is_labelled)
         {
             return Ok(Learnt {
-                doubt: Some(doubt.clone()),
+                doubt: Some(held.reason.clone()),
                 is_same_visit: true,
                 ..Learnt::default()
             });
@@ -152,11 +154,15 @@ impl Learner {
                 ..Learnt::default()
             });
         }
+        if is_held {
+            // It is learnt now, or held with what is said of it now.
+            self.take_held(visit.id)?;
+        }
         let Some(doubt) = doubt else {
             self.stays.count_visit(&observation.place, observation.time);
             return self.integrate(visit, observation, features, agreement);
         };
-        let num_given_up = self.hold(visit, observation, features, doubt.clone());
+        let num_given_up = self.hold(visit, observation, features, doubt.clone(), circumstances);
         Ok(Learnt {
             doubt: Some(doubt),
             num_given_up,
@@ -198,6 +204,7 @@ impl Learner {
         observation: &Observation<'_>,
         features: Features,
         reason: QuarantineReason,
+        circumstances: &Circumstances,
     ) -> usize {
         self.held_has_changed = true;
         let num_given_up = self.held.push(QuarantinedVisit {
@@ -208,6 +215,7 @@ impl Learner {
             source: visit.source,
             image_size: observation.image_size,
             mask: observation.mask.map(|mask| Arc::new(MaskRuns::of(mask))),
+            is_labelled: circumstances.is_labelled,
             reason,
             features: Arc::new(features),
         });
@@ -228,7 +236,7 @@ impl Learner {
     /// does not fit its image.
     pub fn accept(&mut self, id: VisitId) -> Result<Learnt> {
         let Some(waiting) = self.held.visits().iter().find(|it| it.id == id) else {
-            return Err(if self.held.reason(id).is_some() {
+            return Err(if self.held.find(id).is_some() {
                 let message = format!("the features of visit {id} were given up");
                 Error::new(ErrorKind::NotFound, message)
                     .with_help("drop it with `chronotope map drop`, and learn its image again")

@@ -15,7 +15,7 @@ use std::cmp::Reverse;
 use std::sync::Arc;
 
 use super::quarantine_row as row;
-use super::quarantined::{QuarantineReason, QuarantinedVisit};
+use super::quarantined::QuarantinedVisit;
 use super::snapshot::Snapshot;
 use super::types::{PlaceKey, SessionId, VisitId};
 use fremen::error::{Error, ErrorKind, Result};
@@ -167,16 +167,16 @@ impl Quarantine {
         self.num_forgotten
     }
 
-    /// Why this visit is or was held.
-    pub fn reason(&self, id: VisitId) -> Option<&QuarantineReason> {
-        let all = self.visits.iter().chain(&self.given_up);
-        all.into_iter().find(|it| it.id == id).map(|it| &it.reason)
+    /// The visit of this identity, with its features or without.
+    pub fn find(&self, id: VisitId) -> Option<&QuarantinedVisit> {
+        let mut all = self.visits.iter().chain(&self.given_up);
+        all.find(|it| it.id == id)
     }
 
     /// Adds a visit; one that is there already changes nothing. Gives of how many of the oldest the
     /// features had to go for it.
     pub fn push(&mut self, visit: QuarantinedVisit) -> usize {
-        if self.reason(visit.id).is_some() {
+        if self.find(visit.id).is_some() {
             return 0;
         }
         let last = (self
@@ -289,7 +289,7 @@ impl Quarantine {
 mod tests {
     use super::*;
     use crate::feature::{Descriptor, Features, Keypoint};
-    use crate::map::quarantined::MaskRuns;
+    use crate::map::quarantined::{MaskRuns, QuarantineReason};
     use crate::map::types::MapMeta;
     use fremen::time::Time;
 
@@ -314,6 +314,7 @@ mod tests {
             mask: number
                 .is_multiple_of(2)
                 .then(|| Arc::new(MaskRuns(vec![0, 640 * 479, 640]))),
+            is_labelled: number.is_multiple_of(3),
             reason: QuarantineReason::Disagreement {
                 agreement: 0.1,
                 threshold: 1.0 / 3.0,
@@ -405,7 +406,7 @@ mod tests {
         assert_eq!(quarantine.visits()[0].id, VisitId(600 - MAX_VISITS as u128));
         let oldest = &quarantine.given_up()[0];
         assert_eq!((oldest.id, oldest.features.len()), (VisitId(0), 0));
-        assert!(quarantine.reason(VisitId(0)).is_some());
+        assert!(quarantine.find(VisitId(0)).is_some());
         // It is still held when its image comes again.
         assert_eq!(quarantine.push(visit(0, 1)), 0);
         let mut snapshot = map();

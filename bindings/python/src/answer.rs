@@ -24,7 +24,10 @@ use crate::python::{column, json_line, loads, maybe_moment, table};
 /// Where the pixels of a query can be had again, for pictures.
 pub(crate) enum Shown {
     /// The caller's own object.
-    Object { object: Py<PyAny>, is_bgr: bool },
+    Object {
+        object: Py<PyAny>,
+        is_bgr: bool,
+    },
     File(Arc<dyn ImageSource>),
     Nothing,
 }
@@ -112,10 +115,11 @@ impl Told {
         let predicted = self.matched(candidate);
         let mut bytes = Vec::with_capacity(candidate.matches.len() * 40);
         for found in &candidate.matches {
-            let (id, [map_x, map_y], p) = predicted
-                .get(found.rank as usize)
-                .copied()
-                .unwrap_or((u32::MAX, [f32::NAN; 2], f64::NAN));
+            let (id, [map_x, map_y], p) = predicted.get(found.rank as usize).copied().unwrap_or((
+                u32::MAX,
+                [f32::NAN; 2],
+                f64::NAN,
+            ));
             let live = self.queried.features.keypoints()[found.live as usize];
             bytes.extend(id.to_le_bytes());
             bytes.extend(found.live.to_le_bytes());
@@ -283,7 +287,9 @@ impl PyLocalization {
     /// Every place that was matched, best first.
     #[getter]
     fn ranking(&self) -> Vec<PyCandidate> {
-        (0..self.told.answer.ranking.len()).filter_map(|at| self.candidate(at)).collect()
+        (0..self.told.answer.ranking.len())
+            .filter_map(|at| self.candidate(at))
+            .collect()
     }
 
     /// The names of the places in order of ``ranking``.
@@ -338,13 +344,19 @@ impl PyLocalization {
     /// Matches of the first place.
     #[getter]
     fn num_matches(&self) -> u32 {
-        self.told.answer.first().map_or(0, |first| first.num_matches)
+        self.told
+            .answer
+            .first()
+            .map_or(0, |first| first.num_matches)
     }
 
     /// Matches of the first place that agree on one displacement.
     #[getter]
     fn num_inliers(&self) -> u32 {
-        self.told.answer.first().map_or(0, |first| first.num_inliers)
+        self.told
+            .answer
+            .first()
+            .map_or(0, |first| first.num_inliers)
     }
 
     /// Hamming distances that were computed.
@@ -420,7 +432,10 @@ impl PyLocalization {
             }
         }
         let unexpected = (is_matched.iter().enumerate()).filter(|(_, is_matched)| !**is_matched);
-        Ok(Ids(column(py, unexpected.map(|(row, _)| row as u32).collect())?))
+        Ok(Ids(column(
+            py,
+            unexpected.map(|(row, _)| row as u32).collect(),
+        )?))
     }
 
     /// The answer as the line that ``chronotope localize --json --top N`` prints.
@@ -438,7 +453,10 @@ impl PyLocalization {
     /// The image with what was found (green), missing (orange) and unexpected (grey), and the
     /// posterior as bars: what a notebook shows.
     fn _repr_html_(slf: &Bound<'_, Self>) -> Result<String> {
-        let html = slf.py().import("chronotope._html")?.getattr("localization")?;
+        let html = slf
+            .py()
+            .import("chronotope._html")?
+            .getattr("localization")?;
         Ok(html.call1((slf,))?.extract()?)
     }
 
@@ -514,7 +532,10 @@ impl PyCandidate {
     /// The displacement of these, (dx, dy) in px, live minus map.
     #[getter]
     fn displacement_px(&self) -> Option<(f64, f64)> {
-        self.told.displacement(self.candidate()).0.map(|[x, y]| (x, y))
+        self.told
+            .displacement(self.candidate())
+            .0
+            .map(|[x, y]| (x, y))
     }
 
     /// Its matches, as those of ``Localization.matches``.
@@ -550,7 +571,10 @@ impl PyCandidate {
 
 /// The pictures of a file that its index cuts into several are no one image.
 pub(crate) fn several_pictures(num: usize, name: &str) -> Error {
-    Error::new(ErrorKind::Config, format!("its index cuts it into {num} pictures"))
-        .with_path(name)
-        .with_help("call localize_file, which answers for each of them")
+    Error::new(
+        ErrorKind::Config,
+        format!("its index cuts it into {num} pictures"),
+    )
+    .with_path(name)
+    .with_help("call localize_file, which answers for each of them")
 }

@@ -2,11 +2,9 @@
 
 use std::sync::Arc;
 
-use chronotope::feature::{
-    Descriptor, Extractor, ExtractorConfig, Features, Keypoint, StarBriefConfig,
-};
+use chronotope::feature::{Descriptor, ExtractorConfig, Features, Keypoint, StarBriefConfig};
 use chronotope::{Error, ErrorKind};
-use numpy::{PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
@@ -67,7 +65,11 @@ impl PyFeatures {
                 .into());
         };
         if bytes.shape() != [num, 32] {
-            return Err(misshapen("descriptors", &format!("({num}, 32)"), bytes.shape()));
+            return Err(misshapen(
+                "descriptors",
+                &format!("({num}, 32)"),
+                bytes.shape(),
+            ));
         }
         let optional = |values: Option<PointsLike<'_>>, name: &str, other: f32| {
             let Some(values) = values else {
@@ -85,8 +87,9 @@ impl PyFeatures {
             Error::new(ErrorKind::Shape, cause.to_string()).with_place("descriptors")
         })?;
         let mut features = Features::new();
-        for (row, (point, bytes)) in
-            (points.as_chunks::<2>().0.iter()).zip(bytes.as_chunks::<32>().0).enumerate()
+        for (row, (point, bytes)) in (points.as_chunks::<2>().0.iter())
+            .zip(bytes.as_chunks::<32>().0)
+            .enumerate()
         {
             let keypoint = Keypoint {
                 x: point[0],
@@ -122,7 +125,11 @@ impl PyFeatures {
     /// Descriptors, uint8 (n, 32): 256 bits each, compared by their Hamming distance.
     #[getter]
     fn descriptors<'py>(&self, py: Python<'py>) -> Result<Descriptors<'py>> {
-        let bytes = self.features.descriptors().iter().flat_map(|it| it.to_bytes());
+        let bytes = self
+            .features
+            .descriptors()
+            .iter()
+            .flat_map(|it| it.to_bytes());
         Ok(Descriptors(table(py, bytes.collect(), 32)?))
     }
 
@@ -139,7 +146,10 @@ impl PyFeatures {
     fn __repr__(&self) -> String {
         match self.image_size {
             Some((width, height)) => {
-                format!("Features({} of an image of {width} x {height} px)", self.features.len())
+                format!(
+                    "Features({} of an image of {width} x {height} px)",
+                    self.features.len()
+                )
             }
             None => format!("Features({})", self.features.len()),
         }
@@ -162,9 +172,12 @@ impl PyFeatures {
                 bytes.extend(value.to_le_bytes());
             }
         }
-        let descriptors: Vec<u8> =
-            (this.features.descriptors().iter()).flat_map(|it| it.to_bytes()).collect();
-        let rebuild = py.import("chronotope._images")?.getattr("features_of_bytes")?;
+        let descriptors: Vec<u8> = (this.features.descriptors().iter())
+            .flat_map(|it| it.to_bytes())
+            .collect();
+        let rebuild = py
+            .import("chronotope._images")?
+            .getattr("features_of_bytes")?;
         let parts = (
             PyBytes::new(py, &bytes),
             PyBytes::new(py, &descriptors),
@@ -176,15 +189,20 @@ impl PyFeatures {
 
 /// Positions as an array (n, 2).
 pub(crate) fn xy_of<'py>(py: Python<'py>, keypoints: &[Keypoint]) -> Result<Bound<'py, PyAny>> {
-    table(py, keypoints.iter().flat_map(|it| [it.x, it.y]).collect(), 2)
+    table(
+        py,
+        keypoints.iter().flat_map(|it| [it.x, it.y]).collect(),
+        2,
+    )
 }
 
 /// The features of an image.
 ///
 /// STAR keypoints with 256 bits of BRIEF, bit for bit those of OpenCV: uint8 (height, width) in
 /// grey, or (height, width, 3) in RGB, in BGR with ``bgr=True``; a PIL image, or the path of a file.
-/// At most ``n`` are kept, strongest first; those under a ``mask`` that is 0 are left out. 5 ms for
-/// 1024 x 384 px.
+/// At most ``n`` are kept, strongest first, by default as many as maps of the preset ``"default"`` learn
+/// (``Localizer.extract`` takes what its map was learnt with); those under a ``mask`` that is 0 are left
+/// out.
 ///
 /// Errors: ``ShapeError`` for other types, shapes and strides, ``FormatError`` for a file that is no
 /// image, ``ConfigError`` for ``n = 0``.
@@ -192,7 +210,7 @@ pub(crate) fn xy_of<'py>(py: Python<'py>, keypoints: &[Keypoint]) -> Result<Boun
 /// Sources: M. Agrawal, K. Konolige, M. R. Blas: CenSurE, ECCV 2008; M. Calonder et al.: BRIEF, ECCV
 /// 2010.
 #[pyfunction]
-#[pyo3(signature = (image, *, n=500, mask=None, bgr=false))]
+#[pyo3(signature = (image, *, n=300, mask=None, bgr=false))]
 pub(crate) fn extract(
     py: Python<'_>,
     image: PixelsLike<'_>,
@@ -241,10 +259,12 @@ fn floats<'py>(object: &Bound<'py, PyAny>, name: &str) -> Result<PyReadonlyArray
     if array.as_array().iter().all(|value| value.is_finite()) {
         return Ok(array);
     }
-    Err(Error::new(ErrorKind::Shape, "NaN or infinity is no position")
-        .with_place(name)
-        .with_help("leave out the features that have none")
-        .into())
+    Err(
+        Error::new(ErrorKind::Shape, "NaN or infinity is no position")
+            .with_place(name)
+            .with_help("leave out the features that have none")
+            .into(),
+    )
 }
 
 fn to_vec(array: &PyReadonlyArrayDyn<'_, f32>) -> Vec<f32> {
@@ -253,5 +273,7 @@ fn to_vec(array: &PyReadonlyArrayDyn<'_, f32>) -> Vec<f32> {
 
 fn misshapen(name: &str, expected: &str, shape: &[usize]) -> Failure {
     let message = format!("expected {expected}, not {shape:?}");
-    Error::new(ErrorKind::Shape, message).with_place(name).into()
+    Error::new(ErrorKind::Shape, message)
+        .with_place(name)
+        .into()
 }

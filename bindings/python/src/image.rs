@@ -6,7 +6,9 @@
 
 use chronotope::feature::{GrayImage, GrayView, LoadOptions};
 use chronotope::{Error, ErrorKind};
-use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::{
+    PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
@@ -110,7 +112,10 @@ impl<'py> Pixels<'py> {
 /// A mask: where it is 0 or false nothing of an image is used.
 pub(crate) fn mask_of(object: &Bound<'_, PyAny>) -> Result<GrayImage> {
     if let Ok(path) = object.extract::<std::path::PathBuf>() {
-        return Ok(chronotope::feature::load_mask(&path, &LoadOptions::default())?);
+        return Ok(chronotope::feature::load_mask(
+            &path,
+            &LoadOptions::default(),
+        )?);
     }
     let numpy = object.py().import("numpy")?;
     let array = numpy.call_method1("asarray", (object,))?;
@@ -146,7 +151,9 @@ fn as_array<'py>(object: &Bound<'py, PyAny>) -> Result<Bound<'py, PyUntypedArray
 
 fn wrong_type(array: &Bound<'_, PyUntypedArray>) -> Error {
     let dtype = array.dtype();
-    let name = dtype.str().map_or_else(|_| "?".into(), |name| name.to_string());
+    let name = dtype
+        .str()
+        .map_or_else(|_| "?".into(), |name| name.to_string());
     let help = match name.as_str() {
         "bool" => "for a black and white picture, (image * 255).astype(numpy.uint8)",
         "uint16" => "for 16 bits, (image >> 8).astype(numpy.uint8)",
@@ -156,7 +163,10 @@ fn wrong_type(array: &Bound<'_, PyUntypedArray>) -> Error {
         }
         _ => "give image.astype(numpy.uint8), if its values are 0 to 255",
     };
-    shape_error(format!("pixels are uint8, and this array holds {name}"), help)
+    shape_error(
+        format!("pixels are uint8, and this array holds {name}"),
+        help,
+    )
 }
 
 fn shape_text(shape: &[usize]) -> String {

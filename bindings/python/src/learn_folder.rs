@@ -159,7 +159,9 @@ impl Folder {
         let size = self.learner.map().snapshot().meta.image_size;
         self.dataset.set_aside(now, size);
         let problems = std::mem::take(&mut self.dataset.problems);
-        self.report.problems.extend(problems.iter().map(ToString::to_string));
+        self.report
+            .problems
+            .extend(problems.iter().map(ToString::to_string));
     }
 
     pub(crate) fn num_images(&self) -> usize {

@@ -46,7 +46,14 @@ impl PyLearner {
             let mut learner = self.learner.lock().unwrap_or_else(PoisonError::into_inner);
             learner.as_mut().map(work).transpose()
         })?;
-        done.ok_or_else(|| of_kind(py, "closed", "this learner was closed", "make another Learner"))
+        done.ok_or_else(|| {
+            of_kind(
+                py,
+                "closed",
+                "this learner was closed",
+                "make another Learner",
+            )
+        })
     }
 }
 
@@ -77,7 +84,11 @@ impl PyLearner {
                 .into());
         }
         let meta = map.snapshot().meta.clone();
-        let cfg = overlaid(LearnConfig::preset(preset_of(&meta)), config.as_ref(), "config")?;
+        let cfg = overlaid(
+            LearnConfig::preset(preset_of(&meta)),
+            config.as_ref(),
+            "config",
+        )?;
         let extractor = ExtractorConfig::from_id(&meta.extractor)
             .and_then(|extractor| extractor.build())
             .map_err(|error| error.with_path(&path).with_place("extractor"))?;
@@ -133,8 +144,11 @@ impl PyLearner {
         let learnt = if let Ok(features) = image.0.cast::<PyFeatures>() {
             let features = features.get();
             observation.image_size = features.image_size.ok_or_else(|| {
-                Error::new(ErrorKind::Shape, "of which size was the image of these features?")
-                    .with_help("give Features(..., image_size=(width, height))")
+                Error::new(
+                    ErrorKind::Shape,
+                    "of which size was the image of these features?",
+                )
+                .with_help("give Features(..., image_size=(width, height))")
             })?;
             observation.features = &features.features;
             self.with(py, |learner| learner.observe(&observation, &circumstances))?
@@ -143,7 +157,8 @@ impl PyLearner {
             let view = pixels.view()?;
             self.with(py, |learner| {
                 let mut features = Features::new();
-                self.extractor.extract_into(view, mask.as_ref(), &mut features)?;
+                self.extractor
+                    .extract_into(view, mask.as_ref(), &mut features)?;
                 circumstances.gray_range = view.gray_range(mask.as_ref());
                 let observation = Observation {
                     features: &features,
@@ -182,7 +197,11 @@ impl PyLearner {
     /// Commits, and lets go of the file.
     fn close(&self, py: Python<'_>) -> Result<()> {
         detached(py, || {
-            let learner = self.learner.lock().unwrap_or_else(PoisonError::into_inner).take();
+            let learner = self
+                .learner
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .take();
             learner.map_or(Ok(()), |mut learner| learner.commit().map(drop))
         })
     }
@@ -191,7 +210,7 @@ impl PyLearner {
         slf
     }
 
-    #[pyo3(signature = (*_exception))]
+    #[pyo3(signature = (*_exception: "object"))]
     fn __exit__(&self, py: Python<'_>, _exception: &Bound<'_, PyTuple>) -> Result<()> {
         self.close(py)
     }

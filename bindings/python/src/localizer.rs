@@ -4,7 +4,9 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use chronotope::dataset::ImageSource;
-use chronotope::feature::{Extractor, ExtractorConfig, Features, GrayImage, GrayView, LoadOptions};
+use chronotope::feature::{
+    Extractor, ExtractorConfig, Features, GrayImage, GrayView, LoadOptions, load_gray,
+};
 use chronotope::localize::{
     IndexCache, Localization, Localizer, LocalizerConfig, Method, Preset, Query, Score, Scratch,
 };
@@ -16,12 +18,12 @@ use pyo3::types::PyList;
 use rayon::prelude::*;
 
 use crate::answer::{PyLocalization, Queried, Shown, Told, several_pictures};
-use crate::failure::{Failure, Result, detached_with, exception, interruptible};
+use crate::failure::{Failure, Result, detached, detached_with, interruptible};
 use crate::features::PyFeatures;
 use crate::files::{Files, Listed};
 use crate::hints::{
-    Answers, ConfigLike, ImageLike, ImagesLike, Json, MapLike, MaskLike, ProgressLike, TimeLike,
-    TimesLike,
+    Answers, ConfigLike, ImageLike, ImagesLike, Json, MapLike, MaskLike, PathLike, PixelsLike,
+    ProgressLike, TimeLike, TimesLike,
 };
 use crate::image::{Pixels, mask_of};
 use crate::map::PyMap;
@@ -174,7 +176,10 @@ impl PyLocalizer {
         if time.is_none() && self.needs_time() {
             return Err(Error::new(
                 ErrorKind::Time,
-                format!("the method `{}` needs to know when the image was taken", self.method()),
+                format!(
+                    "the method `{}` needs to know when the image was taken",
+                    self.method()
+                ),
             )
             .with_help("give time=..., or use method=\"static\"")
             .into());
@@ -227,8 +232,12 @@ impl PyLocalizer {
         };
         let query = Query::new(&features).at(time).with_image_size(image_size);
         let mut answer = Localization::default();
-        self.localizer.localize_into(&mut scratch, &query, &mut answer)?;
-        self.scratches.lock().unwrap_or_else(PoisonError::into_inner).push(scratch);
+        self.localizer
+            .localize_into(&mut scratch, &query, &mut answer)?;
+        self.scratches
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .push(scratch);
         Ok(Done {
             answer,
             features,
@@ -237,7 +246,11 @@ impl PyLocalizer {
     }
 
     fn scratch(&self) -> Scratch {
-        let kept = self.scratches.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let kept = self
+            .scratches
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .pop();
         kept.unwrap_or_else(|| self.localizer.scratch())
     }
 
@@ -310,7 +323,10 @@ fn adjusted(
     match scale_between(from, to) {
         Some(scale) if from != to => {
             let options = LoadOptions::default().with_scale(scale);
-            let mask = mask.cloned().map(|mask| options.apply_to_mask(mask)).transpose()?;
+            let mask = mask
+                .cloned()
+                .map(|mask| options.apply_to_mask(mask))
+                .transpose()?;
             Ok(Some((options.apply(view.to_image())?, mask)))
         }
         _ => Ok(None),
@@ -329,15 +345,25 @@ fn scale_between(from: (u32, u32), to: (u32, u32)) -> Option<f64> {
 }
 
 /// What neither mask hides.
-fn both(own: Option<GrayImage>, given: Option<&GrayImage>) -> chronotope::Result<Option<GrayImage>> {
+fn both(
+    own: Option<GrayImage>,
+    given: Option<&GrayImage>,
+) -> chronotope::Result<Option<GrayImage>> {
     let (Some(own), Some(given)) = (&own, given) else {
         return Ok(own.or(given.cloned()));
     };
     if own.size() != given.size() {
-        return Err(Error::new(ErrorKind::Shape, "the mask has another size than the image")
-            .with_help("make the mask for the image after its index has cut and scaled it"));
+        return Err(
+            Error::new(ErrorKind::Shape, "the mask has another size than the image")
+                .with_help("make the mask for the image after its index has cut and scaled it"),
+        );
     }
-    let pixels = own.data().iter().zip(given.data()).map(|(&a, &b)| a.min(b)).collect();
+    let pixels = own
+        .data()
+        .iter()
+        .zip(given.data())
+        .map(|(&a, &b)| a.min(b))
+        .collect();
     GrayImage::new(own.width(), own.height(), pixels).map(Some)
 }
 
@@ -377,8 +403,7 @@ impl PyLocalizer {
         let path: PathBuf = map.0.extract()?;
         let cfg = wanted.over(&MapMeta::read(&path)?)?;
         let opened = path.clone();
-        let localizer =
-            interruptible(py, move || Localizer::open_with(&opened, cfg, cache))?;
+        let localizer = interruptible(py, move || Localizer::open_with(&opened, cfg, cache))?;
         Self::of(localizer, Some(path))
     }
 
@@ -420,6 +445,27 @@ impl PyLocalizer {
         Ok(self.told(job, done, bgr))
     }
 
+    /// The features of an image, as the map was learnt with: what ``localize`` finds in it.
+    ///
+    /// Errors: as ``extract``.
+    #[pyo3(name = "extract", signature = (image, *, mask=None, bgr=false))]
+    fn extract_features(
+        &self,
+        py: Python<'_>,
+        image: PixelsLike<'_>,
+        mask: Option<MaskLike<'_>>,
+        bgr: bool,
+    ) -> Result<PyFeatures> {
+        let mask = mask.map(|mask| mask_of(&mask.0)).transpose()?;
+        let pixels = match image.0.extract::<PathBuf>() {
+            Ok(path) => Pixels::Owned(detached(py, || load_gray(&path, &LoadOptions::default()))?),
+            Err(_) => Pixels::of(&image.0, bgr)?,
+        };
+        let view = pixels.view()?;
+        let (features, size) = detached(py, || self.extract(view, mask.as_ref()))?;
+        Ok(PyFeatures::of(features, size))
+    }
+
     /// Says where the pictures of a file were taken: one answer for each that its index cuts out of
     /// it, in its order.
     ///
@@ -428,7 +474,7 @@ impl PyLocalizer {
     fn localize_file(
         &self,
         py: Python<'_>,
-        path: crate::hints::PathLike<'_>,
+        path: PathLike<'_>,
         time: Option<TimeLike<'_>>,
     ) -> Result<Vec<PyLocalization>> {
         let jobs = self.jobs(&path.0, time_if_given(time)?, "", false)?;
@@ -468,13 +514,15 @@ impl PyLocalizer {
             "raise" => false,
             "return" => true,
             _ => {
-                return Err(Error::new(ErrorKind::Config, format!("there is no errors=`{errors}`"))
-                    .with_help("use one of raise, return")
-                    .into());
+                return Err(Error::new(
+                    ErrorKind::Config,
+                    format!("there is no errors=`{errors}`"),
+                )
+                .with_help("use one of raise, return")
+                .into());
             }
         };
-        let images: Vec<Bound<'py, PyAny>> =
-            images.0.try_iter()?.collect::<PyResult<_>>()?;
+        let images: Vec<Bound<'py, PyAny>> = images.0.try_iter()?.collect::<PyResult<_>>()?;
         let times = match times {
             Some(times) => times_of(&times.0, images.len())?,
             None => vec![None; images.len()],
@@ -483,7 +531,10 @@ impl PyLocalizer {
         let mut bar = Progress::new(py, progress.as_ref(), images.len(), "localising")?;
         let answers = PyList::empty(py);
         let chunk_len = IMAGES_PER_THREAD * pool.current_num_threads();
-        for (first, chunk) in images.chunks(chunk_len).enumerate().map(|(at, it)| (at * chunk_len, it))
+        for (first, chunk) in images
+            .chunks(chunk_len)
+            .enumerate()
+            .map(|(at, it)| (at * chunk_len, it))
         {
             let jobs: Vec<Result<Job<'py>>> = (chunk.iter().zip(&times[first..]))
                 .map(|(image, &time)| {
@@ -573,7 +624,8 @@ impl PyLocalizer {
             .collect();
         let work = || {
             let answer = |task: &Option<(Task<'_>, Option<Time>)>| {
-                task.as_ref().map(|(task, time)| self.answer(task, *time, None))
+                task.as_ref()
+                    .map(|(task, time)| self.answer(task, *time, None))
             };
             Ok(pool.install(|| tasks.par_iter().map(answer).collect::<Vec<_>>()))
         };
@@ -613,7 +665,9 @@ fn times_of(times: &Bound<'_, PyAny>, num_images: usize) -> Result<Vec<Option<Ti
         return Ok(read);
     }
     let message = format!("{} times do not fit {num_images} images", read.len());
-    Err(Error::new(ErrorKind::Shape, message).with_place("times").into())
+    Err(Error::new(ErrorKind::Shape, message)
+        .with_place("times")
+        .into())
 }
 
 /// Says which of several arguments an exception is about.
@@ -639,10 +693,4 @@ pub(crate) fn pool_of(threads: Option<usize>) -> Result<rayon::ThreadPool> {
         .thread_name(|at| format!("chronotope-{at}"))
         .build();
     Ok(pool.map_err(|cause| Error::new(ErrorKind::Io, cause.to_string()))?)
-}
-
-/// The exception that stands in the place of an answer.
-#[allow(dead_code)] // reason: used by robots.
-pub(crate) fn as_exception<'py>(py: Python<'py>, error: &Error) -> Bound<'py, PyAny> {
-    exception(py, error).into_value(py).into_bound(py).into_any()
 }

@@ -53,7 +53,17 @@ impl Subscriber for Logging {
     fn event(&self, event: &Event<'_>) {
         let level = number(*event.metadata().level());
         let log = |py: Python<'_>| -> PyResult<()> {
-            let logger = py.import("logging")?.call_method1("getLogger", ("chronotope",))?;
+            let is_loaded = py
+                .import("sys")?
+                .getattr("modules")?
+                .contains("logging")?;
+            // Nobody has asked to be told: by default `logging` shows warnings, and nothing less.
+            if !is_loaded && level < number(Level::WARN) {
+                return Ok(());
+            }
+            let logger = py
+                .import("logging")?
+                .call_method1("getLogger", ("chronotope",))?;
             if !logger.call_method1("isEnabledFor", (level,))?.is_truthy()? {
                 return Ok(());
             }

@@ -38,6 +38,9 @@ pub(crate) struct PyMap {
     path: PathBuf,
     /// Nothing once it is closed.
     map: Mutex<Option<Arc<Map>>>,
+    /// Held while a change is made: a change begins with the newest snapshot, and two that begin with the
+    /// same one would lose one of them.
+    changing: Mutex<()>,
     /// What it was built of.
     learnt: Option<Report>,
 }
@@ -47,6 +50,7 @@ impl PyMap {
         Self {
             path: map.path().to_owned(),
             map: Mutex::new(Some(Arc::new(map))),
+            changing: Mutex::new(()),
             learnt: None,
         }
     }
@@ -69,15 +73,31 @@ impl PyMap {
         py: Python<'_>,
         change: impl FnOnce(&Map) -> chronotope::Result<u64> + Send,
     ) -> Result<u64> {
+        self.changed(py, change)
+    }
+
+    /// Makes one change after another, whichever threads they come from.
+    fn changed<T: Send>(
+        &self,
+        py: Python<'_>,
+        change: impl FnOnce(&Map) -> chronotope::Result<T> + Send,
+    ) -> Result<T> {
         let map = self.open()?;
-        detached(py, || change(&map))
+        detached(py, || {
+            let _turn = self.changing.lock().unwrap_or_else(PoisonError::into_inner);
+            change(&map)
+        })
     }
 
     fn find(&self, key: &str) -> Result<(Arc<Snapshot>, NodeId)> {
         let snapshot = self.snapshot()?;
         let found = known_or_written(&snapshot, key)?;
         let id = snapshot.find(&found).ok_or_else(|| {
-            let mut known: Vec<_> = snapshot.nodes.iter().map(|node| node.key.as_str()).collect();
+            let mut known: Vec<_> = snapshot
+                .nodes
+                .iter()
+                .map(|node| node.key.as_str())
+                .collect();
             let more = if known.len() > 20 { ", ..." } else { "" };
             known.truncate(20);
             Error::new(ErrorKind::NotFound, format!("the map has no place `{key}`"))
@@ -209,7 +229,9 @@ impl PyMap {
         let zone = zone.map(Zone::new).transpose()?;
         let pool = pool_of(threads)?;
         map_changes::refuse_existing(&path)?;
-        let folder = detached(py, || Folder::to_build(&data, &path, preset, cfg, zone.as_ref()))?;
+        let folder = detached(py, || {
+            Folder::to_build(&data, &path, preset, cfg, zone.as_ref())
+        })?;
         let mut bar = Progress::new(py, progress.as_ref(), folder.num_images(), "learning")?;
         let (map, report) = detached_with(py, || folder.learn(&pool, &mut bar))?;
         bar.close()?;
@@ -278,7 +300,9 @@ impl PyMap {
             let error = Error::new(ErrorKind::Config, message);
             return Err(error.with_help("give two or more").into());
         }
-        let maps = (maps.iter()).map(|map| snapshot_of(&map.0)).collect::<Result<Vec<_>>>()?;
+        let maps = (maps.iter())
+            .map(|map| snapshot_of(&map.0))
+            .collect::<Result<Vec<_>>>()?;
         let path = path_of(&path)?;
         let cfg = relearn
             .then(|| learn_config(preset_of(&maps[0].1.meta), config.as_ref(), None))
@@ -307,20 +331,26 @@ impl PyMap {
 
     /// Lets go of the file; snapshots and localizers that were made of it stay as they are.
     fn close(&self) {
-        self.map.lock().unwrap_or_else(PoisonError::into_inner).take();
+        self.map
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take();
     }
 
     /// Whether ``close`` was called.
     #[getter]
     fn closed(&self) -> bool {
-        self.map.lock().unwrap_or_else(PoisonError::into_inner).is_none()
+        self.map
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .is_none()
     }
 
     fn __enter__(slf: Py<Self>) -> Py<Self> {
         slf
     }
 
-    #[pyo3(signature = (*_exception))]
+    #[pyo3(signature = (*_exception: "object"))]
     fn __exit__(&self, _exception: &Bound<'_, PyTuple>) {
         self.close();
     }
@@ -423,7 +453,9 @@ impl PyMap {
 
     /// Removes a place with all of its visits.
     fn remove_place(&self, py: Python<'_>, place: &str) -> Result<u64> {
-        self.generation_of(py, |map| map_changes::correct(map, place, &Correction::Remove))
+        self.generation_of(py, |map| {
+            map_changes::correct(map, place, &Correction::Remove)
+        })
     }
 
     /// Makes the visits of ``other`` visits of ``place``.
@@ -461,11 +493,10 @@ impl PyMap {
         ids: Option<Vec<String>>,
         config: Option<ConfigLike<'_>>,
     ) -> Result<u64> {
-        let map = self.open()?;
-        let cfg = learn_config(preset_of(&map.snapshot().meta), config.as_ref(), None)?;
-        detached(py, || {
-            let ids = map_changes::held_ids(&map, ids.as_deref())?;
-            map_changes::accept(&map, &ids, &cfg)
+        let cfg = learn_config(preset_of(&self.snapshot()?.meta), config.as_ref(), None)?;
+        self.changed(py, |map| {
+            let ids = map_changes::held_ids(map, ids.as_deref())?;
+            map_changes::accept(map, &ids, &cfg)
         })
     }
 
@@ -480,8 +511,7 @@ impl PyMap {
 
     /// Takes back all visits of a run, by its UUID or name, and says how many they were.
     fn forget(&self, py: Python<'_>, session: &str) -> Result<usize> {
-        let map = self.open()?;
-        detached(py, || map_changes::forget(&map, session))
+        self.changed(py, |map| map_changes::forget(map, session))
     }
 
     /// Returns to what the map was at a generation, as a new generation, and gives its number;
@@ -502,12 +532,15 @@ impl PyMap {
         keep_daily: bool,
         keep: Vec<u64>,
     ) -> Result<(usize, u64, u64)> {
-        let map = self.open()?;
-        let pruned = detached(py, || {
+        let pruned = self.changed(py, |map| {
             let kept = map_changes::kept(&map.generations()?, keep_last, keep_daily, &keep);
             map.prune(&kept)
         })?;
-        Ok((pruned.num_dropped, pruned.num_bytes_before, pruned.num_bytes_after))
+        Ok((
+            pruned.num_dropped,
+            pruned.num_bytes_before,
+            pruned.num_bytes_after,
+        ))
     }
 
     /// Reads what other processes have committed, and gives the newest generation.
@@ -519,15 +552,10 @@ impl PyMap {
     /// Works out once what matches in this map are worth and keeps it with it, so that localizers
     /// start at once; gives the number of past images, or None if it was known.
     #[pyo3(signature = (*, config=None))]
-    fn calibrate(
-        &self,
-        py: Python<'_>,
-        config: Option<ConfigLike<'_>>,
-    ) -> Result<Option<usize>> {
-        let map = self.open()?;
-        let preset = preset_of(&map.snapshot().meta);
+    fn calibrate(&self, py: Python<'_>, config: Option<ConfigLike<'_>>) -> Result<Option<usize>> {
+        let preset = preset_of(&self.snapshot()?.meta);
         let cfg = overlaid(LocalizerConfig::preset(preset), config.as_ref(), "config")?;
-        detached(py, || map_changes::calibrate(&map, cfg))
+        self.changed(py, |map| map_changes::calibrate(map, cfg))
     }
 
     /// Writes the map as plain files (JSON, CSV, NPY) into a new folder.
@@ -631,12 +659,17 @@ impl PyMap {
                 .collect::<chronotope::Result<Vec<_>>>()
         })?;
         let predicted = predicted.into_iter().flatten();
-        Ok(predicted.map(|predicted| PyPredictedMap { predicted }).collect())
+        Ok(predicted
+            .map(|predicted| PyPredictedMap { predicted })
+            .collect())
     }
 }
 
 fn lines<'py>(py: Python<'py>, values: &[Value]) -> Result<Vec<Json<'py>>> {
-    values.iter().map(|value| loads(py, &json_line(value)?)).collect()
+    values
+        .iter()
+        .map(|value| loads(py, &json_line(value)?))
+        .collect()
 }
 
 /// One place of a map, as it was when it was asked for.
@@ -696,19 +729,31 @@ impl PyPlace {
     /// Where the image of each visit came from.
     #[getter]
     fn visit_sources(&self) -> Vec<String> {
-        self.node().visits.iter().map(|it| it.source.clone()).collect()
+        self.node()
+            .visits
+            .iter()
+            .map(|it| it.source.clone())
+            .collect()
     }
 
     /// The run of each visit.
     #[getter]
     fn visit_sessions(&self) -> Vec<String> {
-        self.node().visits.iter().map(|it| it.session.to_string()).collect()
+        self.node()
+            .visits
+            .iter()
+            .map(|it| it.session.to_string())
+            .collect()
     }
 
     /// The identity of each visit across maps.
     #[getter]
     fn visit_ids(&self) -> Vec<String> {
-        self.node().visits.iter().map(|it| it.id.to_string()).collect()
+        self.node()
+            .visits
+            .iter()
+            .map(|it| it.id.to_string())
+            .collect()
     }
 
     /// What was seen when, int8 (m visits, n features): 1 seen, 0 not seen, -1 not observable (before
@@ -719,11 +764,13 @@ impl PyPlace {
         let (num_visits, num_features) = (log.num_visits(), log.num_features());
         let mut states = Vec::with_capacity(num_visits * num_features);
         for visit in 0..num_visits {
-            states.extend((0..num_features).map(|feature| match log.state(visit, feature) {
-                Some(FeatureState::Seen) => 1_i8,
-                Some(FeatureState::NotSeen) => 0,
-                _ => -1,
-            }));
+            states.extend(
+                (0..num_features).map(|feature| match log.state(visit, feature) {
+                    Some(FeatureState::Seen) => 1_i8,
+                    Some(FeatureState::NotSeen) => 0,
+                    _ => -1,
+                }),
+            );
         }
         if num_features == 0 {
             return Ok(Ternary(table(py, states, 1)?));
@@ -807,7 +854,10 @@ impl PyPredictedMap {
     }
 
     fn _repr_html_(slf: &Bound<'_, Self>) -> Result<String> {
-        let html = slf.py().import("chronotope._html")?.getattr("predicted_map")?;
+        let html = slf
+            .py()
+            .import("chronotope._html")?
+            .getattr("predicted_map")?;
         Ok(html.call1((slf,))?.extract()?)
     }
 

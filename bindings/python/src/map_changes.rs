@@ -202,10 +202,14 @@ pub(crate) fn remove_edge(map: &Map, from: &str, to: &str, name: Option<&str>) -
 
 /// What is done to a place by hand.
 pub(crate) enum Correction<'a> {
-    Rename { to: &'a str },
+    Rename {
+        to: &'a str,
+    },
     Remove,
     /// The visits of the other become visits of this one.
-    Join { other: &'a str },
+    Join {
+        other: &'a str,
+    },
 }
 
 pub(crate) fn correct(map: &Map, place: &str, correction: &Correction<'_>) -> Result<u64> {
@@ -233,7 +237,9 @@ pub(crate) fn calibrate(map: &Map, cfg: LocalizerConfig) -> Result<Option<usize>
     let (Some(calibration), Some(bytes)) = (localizer.calibration(), localizer.to_attachment()?)
     else {
         let error = Error::new(ErrorKind::Config, "this configuration calibrates nothing");
-        return Err(error.with_path(map.path()).with_help("set config={\"calibrated\": True}"));
+        return Err(error
+            .with_path(map.path())
+            .with_help("set config={\"calibrated\": True}"));
     };
     if snapshot.attachments.get(ATTACHMENT) == Some(&bytes) {
         return Ok(None);

@@ -84,8 +84,10 @@ pub(crate) fn verify(path: &Path, report: &VerifyReport) -> Value {
 
 /// `chronotope map log --json`, one object a generation.
 pub(crate) fn log(generations: &[Generation]) -> Vec<Value> {
-    let parents: BTreeMap<u64, Option<u64>> =
-        generations.iter().map(|it| (it.number, it.parent)).collect();
+    let parents: BTreeMap<u64, Option<u64>> = generations
+        .iter()
+        .map(|it| (it.number, it.parent))
+        .collect();
     let newest = generations.last().map(|it| it.number);
     let lead_here: BTreeSet<u64> =
         std::iter::successors(newest, |number| parents.get(number).copied().flatten()).collect();

@@ -10,6 +10,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
+use pyo3::types::PyDict;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -22,9 +23,7 @@ fn function<'py>(
     module: &str,
     name: &str,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let found = cell.get_or_try_init(py, || {
-        py.import(module)?.getattr(name).map(Bound::unbind)
-    })?;
+    let found = cell.get_or_try_init(py, || py.import(module)?.getattr(name).map(Bound::unbind))?;
     Ok(found.bind(py).clone())
 }
 
@@ -85,11 +84,23 @@ pub(crate) fn overlaid<T: Serialize + DeserializeOwned>(
         return Ok(base);
     };
     let dumps = function(keys.0.py(), &DUMPS, "json", "dumps")?;
-    let text: String = dumps.call1((&keys.0,))?.extract()?;
+    let strictly = PyDict::new(keys.0.py());
+    strictly.set_item("allow_nan", false)?;
+    let text = dumps.call((&keys.0,), Some(&strictly)).map_err(|cause| {
+        let message = cause.value(keys.0.py()).to_string();
+        Error::new(ErrorKind::Config, message).with_place(name)
+    })?;
+    let text: String = text.extract()?;
     let error = |cause: serde_json::Error| {
-        Error::new(ErrorKind::Config, cause.to_string())
-            .with_place(name)
-            .with_help("the attribute `config` shows every key with its value")
+        let message = cause.to_string();
+        // What the engine refuses says what helps already.
+        let is_helped = message.contains("(help: ");
+        let error = Error::new(ErrorKind::Config, message).with_place(name);
+        if is_helped {
+            error
+        } else {
+            error.with_help("the attribute `config` shows every key with its value")
+        }
     };
     let given: serde_json::Value = serde_json::from_str(&text).map_err(error)?;
     let mut value = serde_json::to_value(&base).map_err(error)?;
@@ -97,7 +108,9 @@ pub(crate) fn overlaid<T: Serialize + DeserializeOwned>(
         (serde_json::Value::Object(all), serde_json::Value::Object(given)) => all.extend(given),
         (_, given) => {
             let message = format!("a configuration is a dictionary, not {given}");
-            return Err(Error::new(ErrorKind::Config, message).with_place(name).into());
+            return Err(Error::new(ErrorKind::Config, message)
+                .with_place(name)
+                .into());
         }
     }
     Ok(serde_json::from_value(value).map_err(error)?)

@@ -63,7 +63,14 @@ impl PyRobot {
             let mut robot = self.robot.lock().unwrap_or_else(PoisonError::into_inner);
             robot.as_mut().map(work).transpose()
         })?;
-        done.ok_or_else(|| of_kind(py, "closed", "this robot has finished", "make another Robot"))
+        done.ok_or_else(|| {
+            of_kind(
+                py,
+                "closed",
+                "this robot has finished",
+                "make another Robot",
+            )
+        })
     }
 }
 
@@ -201,7 +208,10 @@ impl PyRobot {
     fn events<'py>(&self, py: Python<'py>) -> Result<Vec<Json<'py>>> {
         let events = self.with(py, |robot| Ok(robot.events().map(|it| told(&it)).collect()))?;
         let events: Vec<Value> = events;
-        events.iter().map(|event| loads(py, &json_line(event)?)).collect()
+        events
+            .iter()
+            .map(|event| loads(py, &json_line(event)?))
+            .collect()
     }
 
     /// What was done so far: ``num_images``, ``num_located``, ``num_learnt``, ``num_same_visit``,
@@ -250,7 +260,11 @@ impl PyRobot {
     /// Commits what was learnt and lets go of the file.
     fn close(&self, py: Python<'_>) -> Result<()> {
         detached(py, || {
-            let robot = self.robot.lock().unwrap_or_else(PoisonError::into_inner).take();
+            let robot = self
+                .robot
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .take();
             robot.map_or(Ok(()), |robot| robot.finish().map(drop))
         })
     }
@@ -259,7 +273,7 @@ impl PyRobot {
         slf
     }
 
-    #[pyo3(signature = (*_exception))]
+    #[pyo3(signature = (*_exception: "object"))]
     fn __exit__(&self, py: Python<'_>, _exception: &Bound<'_, PyTuple>) -> Result<()> {
         self.close(py)
     }
@@ -379,11 +393,17 @@ impl PyTracker {
     /// What is believed of being at none of them.
     #[getter]
     fn off_map(&self) -> f64 {
-        self.tracker.lock().unwrap_or_else(PoisonError::into_inner).off_map()
+        self.tracker
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .off_map()
     }
 
     /// Forgets where the robot was.
     fn reset(&self) {
-        self.tracker.lock().unwrap_or_else(PoisonError::into_inner).reset();
+        self.tracker
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .reset();
     }
 }

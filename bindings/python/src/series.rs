@@ -8,7 +8,7 @@ use fremen::series::Columns;
 use fremen::spectrum::CandidatePeriods;
 use fremen::visibility::VisibilityConfig;
 use fremen::{Series, SeriesModel};
-use numpy::{PyArrayMethods, PyReadonlyArray1};
+use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
@@ -24,18 +24,23 @@ pub(crate) struct PySeriesModel {
 
 fn times_of(times: &Microseconds<'_>) -> Result<Vec<Time>> {
     let times: PyReadonlyArray1<'_, i64> = times.0.extract()?;
-    Ok(times.as_array().iter().map(|&us| Time::from_us(us)).collect())
+    Ok(times
+        .as_array()
+        .iter()
+        .map(|&us| Time::from_us(us))
+        .collect())
 }
 
-fn samples_of(
-    times: &Microseconds<'_>,
-    states: &States<'_>,
-) -> Result<Vec<(Time, Option<bool>)>> {
+fn samples_of(times: &Microseconds<'_>, states: &States<'_>) -> Result<Vec<(Time, Option<bool>)>> {
     let times = times_of(times)?;
     let states: PyReadonlyArray1<'_, i8> = states.0.extract()?;
     let states = states.as_array();
     if times.len() != states.len() {
-        let message = format!("{} times and {} states are no series", times.len(), states.len());
+        let message = format!(
+            "{} times and {} states are no series",
+            times.len(),
+            states.len()
+        );
         return Err(Error::new(ErrorKind::Shape, message).into());
     }
     let state = |&state: &i8| match state {
@@ -96,7 +101,10 @@ impl PySeriesModel {
     fn p<'py>(&self, py: Python<'py>, times_us: Microseconds<'py>) -> Result<Numbers<'py>> {
         let (times, model) = (times_of(&times_us)?, self.model.clone());
         let p = interruptible(py, move || {
-            Ok(times.into_iter().map(|time| model.p(time)).collect::<Vec<_>>())
+            Ok(times
+                .into_iter()
+                .map(|time| model.p(time))
+                .collect::<Vec<_>>())
         })?;
         Ok(Numbers(column(py, p)?))
     }
@@ -106,7 +114,9 @@ impl PySeriesModel {
         let (times, model) = (times_of(&times_us)?, self.model.clone());
         let p = interruptible(py, move || {
             let estimates = times.into_iter().map(|time| model.estimate(time));
-            Ok(estimates.flat_map(|at| [at.p, at.low, at.high]).collect::<Vec<_>>())
+            Ok(estimates
+                .flat_map(|at| [at.p, at.low, at.high])
+                .collect::<Vec<_>>())
         })?;
         Ok(Triples(table(py, p, 3)?))
     }
@@ -213,7 +223,10 @@ pub(crate) fn read_csv<'py>(
         };
         Series::read_csv(&path, columns)
     })?;
-    let states = series.states().iter().map(|&(time, state)| (time, i8::from(state)));
+    let states = series
+        .states()
+        .iter()
+        .map(|&(time, state)| (time, i8::from(state)));
     let missing = series.missing().iter().map(|&time| (time, -1));
     let mut rows: Vec<(Time, i8)> = states.chain(missing).collect();
     rows.sort_by_key(|row| row.0);
@@ -231,7 +244,11 @@ pub(crate) fn parse_times<'py>(py: Python<'py>, texts: Vec<String>) -> Result<St
         let time = Time::parse(text).map_err(|error| error.with_place(format!("row {row}")))?;
         Ok(time.as_us())
     };
-    let times = texts.iter().enumerate().map(parse).collect::<Result<Vec<_>>>()?;
+    let times = texts
+        .iter()
+        .enumerate()
+        .map(parse)
+        .collect::<Result<Vec<_>>>()?;
     Ok(Stamps(column(py, times)?))
 }
 

@@ -26,7 +26,12 @@ pub(crate) struct PyStreet {
 impl PyStreet {
     #[new]
     #[pyo3(signature = (seed=1, *, num_places=4, rhythms=true, image_size=(448, 384)))]
-    fn new(seed: u64, num_places: usize, rhythms: bool, image_size: (usize, usize)) -> Result<Self> {
+    fn new(
+        seed: u64,
+        num_places: usize,
+        rhythms: bool,
+        image_size: (usize, usize),
+    ) -> Result<Self> {
         let (width, height) = image_size;
         let cfg = WorldConfig::new(seed)
             .num_places(num_places)
@@ -56,10 +61,17 @@ impl PyStreet {
         visit: u64,
     ) -> Result<Picture<'py>> {
         let time = time_of(&time.0)?;
-        let at = self.world.places().iter().position(|key| key.as_str() == place);
+        let at = self
+            .world
+            .places()
+            .iter()
+            .position(|key| key.as_str() == place);
         let at = at.ok_or_else(|| {
-            Error::new(ErrorKind::NotFound, format!("the street has no place `{place}`"))
-                .with_help(format!("it has {}", self.places().join(", ")))
+            Error::new(
+                ErrorKind::NotFound,
+                format!("the street has no place `{place}`"),
+            )
+            .with_help(format!("it has {}", self.places().join(", ")))
         })?;
         let image = detached(py, || Ok(self.world.render(at, time, visit)))?;
         Ok(Picture(picture(py, &image)?))
@@ -75,12 +87,19 @@ impl PyStreet {
     ) -> Result<(Vec<Moment<'py>>, Vec<Moment<'py>>)> {
         let schedule = Schedule::standard(self.seed, num_learn, num_query);
         let moments = |times: &[chronotope::Time]| {
-            times.iter().map(|&time| moment(py, time)).collect::<Result<Vec<_>>>()
+            times
+                .iter()
+                .map(|&time| moment(py, time))
+                .collect::<Result<Vec<_>>>()
         };
         Ok((moments(&schedule.learn)?, moments(&schedule.query)?))
     }
 
     fn __repr__(&self) -> String {
-        format!("<Street {}: {} places>", self.seed, self.world.places().len())
+        format!(
+            "<Street {}: {} places>",
+            self.seed,
+            self.world.places().len()
+        )
     }
 }

@@ -172,7 +172,7 @@ def test_maps_of_two_days_become_one(
     for name, times in (("even", learn[::2]), ("odd", learn[1::2])):
         data = chronotope.write_street(street, tmp_path / name, times)
         paths.append(tmp_path / f"{name}.map")
-        Map.build(data, paths[-1])
+        Map.build(data, paths[-1], keep_appearances="all")
     merged = Map.merge(paths, tmp_path / "year.map")
     assert len(merged) == 3
     assert sum(len(place.visit_ids) for place in merged.places) == 3 * 8
@@ -294,7 +294,12 @@ def test_what_a_map_predicts(map_path: pathlib.Path, query) -> None:
     assert (low <= p).all() and (p <= high).all()
     many = map_.predict_many(query[2], [query[1], "2024-12-20T20:00:00Z"], n=20)
     assert many[0].to_dict() == predicted.to_dict() and len(many) == 2
-    assert many[0].ids.tolist() != many[1].ids.tolist()
+    candidates = {"base-s": 31_556_952.0, "count": 4}
+    yearly = {"model": {"kind": "fremen", "candidates": candidates, "order": 1}}
+    summer, winter = map_.predict_many(
+        query[2], ["2024-06-20T12:00:00Z", "2024-12-20T12:00:00Z"], config={"visibility": yearly}
+    )
+    assert summer.ids.tolist() != winter.ids.tolist()
     assert "<svg" in predicted._repr_html_()
     for bad in (lambda: map_.predict("nowhere", 0), lambda: map_.predict(query[2], "now")):
         with pytest.raises(chronotope.Error):

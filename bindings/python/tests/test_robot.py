@@ -97,7 +97,7 @@ def test_a_way_is_followed_by_robot_and_tracker(
     assert sum(tracker.belief.values()) + tracker.off_map == pytest.approx(1.0)
     tracker.reset()
     assert tracker.belief == {}
-    static = chronotope.Localizer(map_path, score="count", config={"calibrated": False})
+    static = chronotope.Localizer(map_path, config={"score": "count", "calibrated": False})
     with pytest.raises(chronotope.ConfigError):
         chronotope.Tracker(static).update(static.localize(*way[0]))
 

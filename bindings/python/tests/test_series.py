@@ -44,7 +44,7 @@ MODELS = [
     Persistence(of=Histogram(num_bins=12)),
 ]
 each_model = pytest.mark.parametrize("model", MODELS, ids=repr)
-RHYTHMIC = [model for model in MODELS if not isinstance(model, (Markov, Mean))]
+RHYTHMIC = [model for model in MODELS if not isinstance(model, (Markov, Mean, PeriodicMixture))]
 
 
 def fitted(model: Any) -> Any:
@@ -69,6 +69,12 @@ def test_probabilities_are_probabilities(model: Any) -> None:
 def test_a_day_is_learnt(model: Any) -> None:
     p = fitted(model).p([NOON, MIDNIGHT])
     assert p[0] > 0.7 and p[1] < 0.3
+
+
+def test_a_short_event_of_every_day_is_learnt() -> None:
+    model = PeriodicMixture().fit(TIMES, HOURS % 24 == 12)
+    p = model.p([NOON, MIDNIGHT])
+    assert p[0] > 0.4 and p[1] < 0.1
 
 
 def test_rhythms_can_be_looked_at() -> None:
@@ -226,7 +232,7 @@ def test_what_is_no_series_is_refused(
         (Fremen(periods=(604_800.0, 0)), "candidate"),
         (Fremen(periods=(-1.0, 3)), "period"),
         (Fremen(periods=[]), "candidate"),
-        (Fremen(periods=[float("nan")]), "period"),
+        (Fremen(periods=[float("nan")]), "NaN"),
         (Fremen(periods=WEEK, order=-1), "order"),
         (Histogram(num_bins=0), "num-bins"),
         (Histogram(prior=-1.0), "prior"),

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import csv
 import datetime
-import pathlib
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ._chronotope import Street
 from ._types import PathLike
+
+if TYPE_CHECKING:
+    import pathlib
 
 #: From one place to the next, at walking pace.
 _WALK = datetime.timedelta(minutes=5)
@@ -22,6 +23,10 @@ def write_street(street: Street, folder: PathLike, times: Iterable[Any]) -> path
     ``Street.schedule`` gives them. Images are PGM files; neighbours are joined in ``edges.csv``. For
     ``Map.build`` and for the command ``chronotope map build --data``.
     """
+    # Imported where they are needed: `import chronotope` is quick.
+    import csv
+    import pathlib
+
     folder = pathlib.Path(folder)
     (folder / "images").mkdir(parents=True, exist_ok=True)
     rows: list[tuple[str, str, str]] = []

@@ -130,6 +130,8 @@ def us_array(times: Any) -> Stamps:
         return np.fromiter((_row(row, it) for row, it in enumerate(array)), np.int64, len(array))
     if array.size == 0:
         return np.empty(0, np.int64)
+    if array.dtype.kind == "c":
+        raise _error("Complex data not supported: times are real", "give seconds since 1970")
     raise TypeError(f"an array of {array.dtype} holds no times")
 
 
@@ -184,6 +186,8 @@ def _of_frame(times: Any) -> Any:
                 raise _error("null is no time", "leave out the rows without a time")
             return times.dt.convert_time_zone("UTC").dt.replace_time_zone(None).to_numpy()
         return times.to_numpy()
+    if hasattr(times, "toarray"):
+        raise TypeError("sparse data are not supported: give times.toarray()")
     if isinstance(times, (str, bytes)):
         raise TypeError("a text is one time and no sequence of times: give [time]")
     return times

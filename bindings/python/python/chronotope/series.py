@@ -28,8 +28,7 @@ J. M. Santos, T. Krajník, T. Duckett: Spatio-temporal exploration strategies, R
 
 from __future__ import annotations
 
-import inspect
-import json
+import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, Union
 
@@ -67,6 +66,17 @@ _Self = TypeVar("_Self", bound="Series")
 
 class NotFittedError(ConfigError, AttributeError):
     """Nothing was learnt yet: call ``fit``."""
+
+
+def _not_fitted(name: str) -> NotFittedError:
+    """Also scikit-learn's exception of that name, for whoever has it loaded."""
+    message, help = f"this {name} was not fitted", "call fit(times, states) first"
+    sklearn = sys.modules.get("sklearn.exceptions")
+    if sklearn is None:
+        return NotFittedError(message, help=help)
+    both = type("NotFittedError", (NotFittedError, sklearn.NotFittedError), {})
+    error: NotFittedError = both(message, help=help)
+    return error
 
 
 def _states(states: Any) -> npt.NDArray[np.int8]:
@@ -158,8 +168,12 @@ class Series:
 
     @classmethod
     def _parameter_names(cls) -> list[str]:
-        parameters = inspect.signature(cls.__init__).parameters.values()
-        return sorted(it.name for it in parameters if it.name != "self")
+        return sorted(cls._defaults())
+
+    @classmethod
+    def _defaults(cls) -> dict[str, Any]:
+        """The arguments, which are all keywords, with their defaults."""
+        return cls.__init__.__kwdefaults__ or {}
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """The arguments that it was made with; of models within it, too, if ``deep``."""
@@ -195,9 +209,9 @@ class Series:
         return self
 
     def __repr__(self) -> str:
-        signature = inspect.signature(type(self).__init__).parameters
+        defaults = self._defaults()
         params = self.get_params(deep=False)
-        changed = {k: v for k, v in params.items() if not _is_same(v, signature[k].default)}
+        changed = {k: v for k, v in params.items() if not _is_same(v, defaults[k])}
         arguments = ", ".join(f"{name}={value!r}" for name, value in changed.items())
         return f"{type(self).__name__}({arguments})"
 
@@ -287,13 +301,11 @@ class Series:
         self.__dict__.pop("model_", None)
 
     def _config(self) -> str:
-        return json.dumps({"model": self._model()}, sort_keys=True)
+        return _json({"model": self._model()})
 
     def _check_fitted(self) -> None:
         if not hasattr(self, "times_us_"):
-            raise NotFittedError(
-                f"this {type(self).__name__} was not fitted", help="call fit(times, states) first"
-            )
+            raise _not_fitted(type(self).__name__)
 
     def _fitted(self) -> SeriesModel:
         self._check_fitted()
@@ -379,7 +391,7 @@ class Series:
         ``periods`` as for ``Fremen``.
         """
         self._check_fitted()
-        candidates = json.dumps(_candidates(periods))
+        candidates = _json(_candidates(periods))
         return _engine.periodogram(self.times_us_, self.states_, candidates)
 
     # ---- keeping
@@ -409,6 +421,16 @@ class Series:
         return type(self)(**params)
 
 
+def _json(value: dict[str, Any]) -> str:
+    # Imported where it is needed: `import chronotope` is quick.
+    import json
+
+    try:
+        return json.dumps(value, sort_keys=True, allow_nan=False)
+    except ValueError:
+        raise ConfigError("NaN and infinity are no parameters of a model") from None
+
+
 def _is_same(value: Any, default: Any) -> bool:
     return value is default or (type(value) is type(default) and bool(value == default))
 
@@ -417,6 +439,8 @@ def _candidates(periods: Periods) -> dict[str, Any]:
     """The candidate periods as the engine reads them."""
     if isinstance(periods, str):
         if periods == "calendar":
+            import json
+
             found: dict[str, Any] = json.loads(_engine.calendar())
             return found
         raise ConfigError(

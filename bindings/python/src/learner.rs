@@ -16,9 +16,9 @@ use crate::failure::{Result, detached, of_kind};
 use crate::features::PyFeatures;
 use crate::hints::{ConfigLike, ImageLike, Json, MapLike, MaskLike, TimeLike};
 use crate::image::{Pixels, mask_of};
-use crate::localizer::preset_of;
 use crate::map::PyMap;
 use crate::python::{json_line, loads, overlaid, time_of};
+use crate::settings::preset_of;
 
 /// Learns images of known places into a map, visit by visit.
 ///

@@ -24,6 +24,7 @@ mod progress;
 mod python;
 mod robot;
 mod series;
+mod settings;
 mod street;
 
 /// The engine of `chronotope`; use that package.

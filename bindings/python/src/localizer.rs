@@ -7,11 +7,8 @@ use chronotope::dataset::ImageSource;
 use chronotope::feature::{
     Extractor, ExtractorConfig, Features, GrayImage, GrayView, LoadOptions, load_gray,
 };
-use chronotope::localize::{
-    IndexCache, Localization, Localizer, LocalizerConfig, Method, Preset, Query, Score, Scratch,
-};
+use chronotope::localize::{IndexCache, Localization, Localizer, Query, Scratch};
 use chronotope::map::{MapMeta, PlaceKey};
-use chronotope::predict::Selection;
 use chronotope::{Error, ErrorKind, Time};
 use pyo3::prelude::*;
 use pyo3::types::PyList;
@@ -28,7 +25,8 @@ use crate::hints::{
 use crate::image::{Pixels, mask_of};
 use crate::map::PyMap;
 use crate::progress::Progress;
-use crate::python::{json_line, loads, overlaid, time_if_given, time_of};
+use crate::python::{json_line, loads, time_if_given, time_of};
+use crate::settings::{Wanted, pool_of};
 
 /// Images that each thread answers before somebody looks whether Ctrl-C was pressed.
 const IMAGES_PER_THREAD: usize = 4;
@@ -56,40 +54,6 @@ pub(crate) struct PyLocalizer {
     files: Files,
     /// One for each thread that is at work.
     scratches: Mutex<Vec<Scratch>>,
-}
-
-/// The configuration that a caller asks for.
-pub(crate) struct Wanted<'py> {
-    pub(crate) method: Option<&'py str>,
-    pub(crate) score: Option<&'py str>,
-    pub(crate) n: Option<usize>,
-    pub(crate) risk: Option<f64>,
-    pub(crate) config: Option<ConfigLike<'py>>,
-}
-
-impl Wanted<'_> {
-    pub(crate) fn over(&self, meta: &MapMeta) -> Result<LocalizerConfig> {
-        let base = LocalizerConfig::preset(preset_of(meta));
-        let mut cfg = overlaid(base, self.config.as_ref(), "config")?;
-        if let Some(method) = self.method {
-            cfg = cfg.with_method(method.parse::<Method>()?);
-        }
-        if let Some(score) = self.score {
-            cfg = cfg.with_score(score.parse::<Score>()?);
-        }
-        if let Some(risk) = self.risk {
-            cfg = cfg.with_risk(risk);
-        }
-        if let Some(n) = self.n {
-            cfg = cfg.with_selection(Selection::top(n).map_err(|error| error.with_place("n"))?);
-        }
-        Ok(cfg)
-    }
-}
-
-/// The preset that a map says it was built with.
-pub(crate) fn preset_of(meta: &MapMeta) -> Preset {
-    meta.preset.parse().unwrap_or(Preset::Default)
 }
 
 /// What a caller gave as an image.
@@ -678,19 +642,4 @@ fn add_place(py: Python<'_>, error: &PyErr, place: &str) {
         // An exception without the attribute says it all in its text.
         let _ = value.setattr("place", place);
     }
-}
-
-/// A pool of so many threads.
-pub(crate) fn pool_of(threads: Option<usize>) -> Result<rayon::ThreadPool> {
-    if threads == Some(0) {
-        return Err(Error::new(ErrorKind::Config, "0 threads do no work")
-            .with_place("threads")
-            .with_help("choose from 1, or leave it out for all cores")
-            .into());
-    }
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads.unwrap_or(0))
-        .thread_name(|at| format!("chronotope-{at}"))
-        .build();
-    Ok(pool.map_err(|cause| Error::new(ErrorKind::Io, cause.to_string()))?)
 }

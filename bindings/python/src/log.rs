@@ -53,10 +53,7 @@ impl Subscriber for Logging {
     fn event(&self, event: &Event<'_>) {
         let level = number(*event.metadata().level());
         let log = |py: Python<'_>| -> PyResult<()> {
-            let is_loaded = py
-                .import("sys")?
-                .getattr("modules")?
-                .contains("logging")?;
+            let is_loaded = py.import("sys")?.getattr("modules")?.contains("logging")?;
             // Nobody has asked to be told: by default `logging` shows warnings, and nothing less.
             if !is_loaded && level < number(Level::WARN) {
                 return Ok(());

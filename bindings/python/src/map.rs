@@ -21,11 +21,11 @@ use crate::hints::{
     ProgressLike, Stamps, Ternary, TimeLike, Triples,
 };
 use crate::learn_folder::{Folder, Report};
-use crate::localizer::{pool_of, preset_of};
 use crate::map_changes::{self, Correction, known_or_written};
 use crate::map_json::{self, Predicted};
 use crate::progress::Progress;
 use crate::python::{column, json_line, loads, maybe_moment, moment, overlaid, path_of, table};
+use crate::settings::{pool_of, preset_of};
 
 /// A map file: places, what was seen at each visit, and every commit that made it.
 ///

@@ -17,8 +17,9 @@ use crate::answer::{PyLocalization, Queried, Shown, Told};
 use crate::failure::{Result, detached, of_kind};
 use crate::hints::{ConfigLike, Json, MaskLike, PathLike, PixelsLike, TimeLike};
 use crate::image::{Pixels, mask_of};
-use crate::localizer::{PyLocalizer, Wanted, preset_of};
+use crate::localizer::PyLocalizer;
 use crate::python::{json_line, loads, overlaid, path_of, time_of};
+use crate::settings::{Wanted, preset_of};
 
 /// A map, a camera's features, and what is believed: localises image after image, and learns from
 /// them if it shall.

@@ -202,12 +202,15 @@ pub(crate) fn calendar() -> Result<String> {
 
 /// Times and states of a CSV file of rows ``time,state``, as ``chronotope spectrum`` reads it.
 ///
+/// ``content`` are its bytes, where they are known already: of a packed file, unpacked.
+///
 /// Errors: ``FormatError`` and ``TimeError`` with the line, ``NotFoundError``.
 #[pyfunction]
-#[pyo3(signature = (path, *, time_column=None, state_column=None, time_unit=None))]
+#[pyo3(signature = (path, *, content=None, time_column=None, state_column=None, time_unit=None))]
 pub(crate) fn read_csv<'py>(
     py: Python<'py>,
     path: PathLike<'py>,
+    content: Option<Vec<u8>>,
     time_column: Option<String>,
     state_column: Option<String>,
     time_unit: Option<&str>,
@@ -221,7 +224,12 @@ pub(crate) fn read_csv<'py>(
             unit,
             zone: None,
         };
-        Series::read_csv(&path, columns)
+        match content {
+            Some(bytes) => {
+                Series::parse_csv(&bytes, columns).map_err(|error| error.with_path(&path))
+            }
+            None => Series::read_csv(&path, columns),
+        }
     })?;
     let states = series
         .states()

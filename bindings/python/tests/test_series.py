@@ -298,6 +298,21 @@ def test_a_csv_file_is_a_series(tmp_path: pathlib.Path) -> None:
         series.read_csv(tmp_path / "none.csv")
 
 
+def test_a_packed_file_is_unpacked(tmp_path: pathlib.Path) -> None:
+    import gzip
+
+    path = tmp_path / "door.csv.gz"
+    path.write_bytes(gzip.compress(b"time,state\n0,1\n60,0\n"))
+    times, states = series.read_csv(path)
+    assert states.tolist() == [1, 0] and len(times) == 2
+    path.write_bytes(b"no gzip")
+    with pytest.raises(chronotope.FormatError) as raised:
+        series.read_csv(path)
+    assert raised.value.path == str(path)
+    with pytest.raises(chronotope.NotFoundError):
+        series.read_csv(tmp_path / "none.csv.gz")
+
+
 @pytest.mark.parametrize("data", [b"", b"nonsense", b"\0" * 64])
 def test_bytes_that_are_no_model_are_refused(data: bytes) -> None:
     from chronotope._chronotope import SeriesModel

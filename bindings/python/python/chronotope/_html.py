@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 FOUND, MISSING, UNEXPECTED = "#16a34a", "#ea580c", "#94a3b8"
 #: More bars than this are left out; the last one says how many.
 _MOST_BARS = 8
-_WIDTH_PX = 560
+_WIDTH_PX = 440
 
 
 def _circle(x: float, y: float, radius: float, colour: str, width: float) -> str:
@@ -77,7 +77,7 @@ def _bar(name: str, share: float, colour: str) -> str:
     return (
         '<tr><td style="text-align:right;padding:1px 8px;white-space:nowrap">'
         f"{escape(name)}</td>"
-        '<td style="width:220px;padding:1px 0"><div style="background:rgba(128,128,128,.18)">'
+        '<td style="width:160px;padding:1px 0"><div style="background:rgba(128,128,128,.18)">'
         f'<div style="background:{colour};width:{100 * share:.1f}%;height:0.9em"></div></div></td>'
         f'<td style="padding:1px 8px;text-align:right">{100 * share:.1f} %</td></tr>'
     )

@@ -28,6 +28,7 @@ J. M. Santos, T. Krajník, T. Duckett: Spatio-temporal exploration strategies, R
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, Union
@@ -36,7 +37,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _chronotope as _engine
-from ._errors import ConfigError, ShapeError
+from ._errors import ConfigError, FormatError, NotFoundError, ShapeError
 from ._times import us_array
 from ._types import PathLike
 
@@ -142,12 +143,24 @@ def read_csv(
     """Times, datetime64[us] (n,), and states, float64 (n,) with NaN for missing ones, of a CSV file.
 
     As the command ``chronotope spectrum`` reads it: rows of time, state; a header and further columns may
-    be there.
+    be there; a file that ends in ``.gz`` is unpacked.
 
     Errors: ``FormatError`` and ``TimeError`` with the line, ``NotFoundError``.
     """
+    content = None
+    if os.fspath(path).endswith(".gz"):
+        import gzip
+        import zlib
+
+        try:
+            with gzip.open(path) as file:
+                content = file.read()
+        except FileNotFoundError as cause:
+            raise NotFoundError(str(cause.strerror), "not-found", os.fspath(path)) from cause
+        except (gzip.BadGzipFile, EOFError, zlib.error) as cause:
+            raise FormatError(f"no gzip file: {cause}", "format", os.fspath(path)) from cause
     times, states = _engine.read_csv(
-        path, time_column=time_column, state_column=state_column, time_unit=time_unit
+        path, content=content, time_column=time_column, state_column=state_column, time_unit=time_unit
     )
     return times.view("datetime64[us]"), np.where(states < 0, np.nan, states).astype(np.float64)
 

@@ -1,23 +1,30 @@
 //! Where am I, given where I was?
 //!
-//! A [`Tracker`] is a discrete Bayes filter over the places of a map and "off the map". Between two
-//! images its belief moves by a [`Motion`]; then each hypothesis is multiplied by how likely the
-//! new image is there:
+//! A [`Tracker`] is a discrete Bayes filter with two parts: where the robot is if it is on the map,
+//! and whether it is. Between two images, the first moves by a [`Motion`] over its states; then both
+//! are multiplied by how likely the new image is:
 //!
 //! ```text
-//! moved(l)  = sum over k of belief(k) * P(l | k)
-//! belief(l) ~ moved(l) * P(image | l),    P(image | l) ~ posterior(l) / prior(l)
+//! moved(s)  = sum over r of belief(r) * P(s | r)
+//! belief(s) ~ moved(s) * P(image | l(s)),       P(image | l) ~ posterior(l) / prior(l)
+//! odds(off) = moved odds * P(image | off) / sum over s of moved(s) P(image | l(s))
 //! ```
 //!
 //! with the posterior of the single image ([`Localization`], made with a uniform prior over places
 //! and [`LocalizerConfig::off_map`]). The answer's posteriors become the beliefs, and the decision
 //! is taken anew at the same risk; scores and matches stay those of the image.
 //!
+//! A robot that seems to be off the map for some images has seldom left it: a season, a crowd or
+//! another camera make images unlike the map one after the other. So where it would be is followed
+//! on, by what little these images tell the places apart, and most of the robots that come back are
+//! there ([`MotionConfig::with_resume`]; with 0 this is the plain filter over places and "off the
+//! map").
+//!
 //! Whatever the motion, a robot may be carried away: with probability [`MotionConfig::kidnap`] an
 //! image is taken anywhere. That bounds how sure the past can be, so a few images at another place
 //! always win: about `ln((1 - kidnap) N / kidnap)` nats of them.
 //!
-//! Cost: O(places + edges) an image, without allocation once warm.
+//! Cost: O(places + edges) an image.
 //!
 //! Source: Bayesian filtering on a topological map as in Cummins & Newman 2008 (FAB-MAP), section
 //! 5; Thrun, Burgard & Fox 2005, chapter 8 (grid localisation and its kidnapped robot).
@@ -27,260 +34,13 @@
 
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
-
 use super::config::{LocalizerConfig, Score};
-use super::localization::Localization;
+use super::localization::{Decision, Localization};
 use super::localizer::Localizer;
+use super::motion::{EdgeMotion, Motion, MotionConfig, MotionFields};
 use super::neighbours::Neighbours;
-use crate::map::{NodeId, Snapshot};
+use crate::map::NodeId;
 use fremen::error::{Error, ErrorKind, Result};
-
-/// Where may the robot be at the next image?
-///
-/// Implemented by [`EdgeMotion`], by [`Transitions`] that a user lists, and by whatever else knows
-/// how the robot moves (odometry, a plan).
-pub trait Motion: Send + Sync {
-    /// Moves `belief`, which has one entry for each place and sums to at most 1, into `moved`,
-    /// which has as many entries, all 0. What is not handed on has left the map.
-    fn advance(&self, belief: &[f64], moved: &mut [f64]);
-
-    /// How many places it knows.
-    fn num_places(&self) -> usize;
-}
-
-/// How willing a robot is to move, and to vanish.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "MotionFields", into = "MotionFields")]
-pub struct MotionConfig(MotionFields);
-
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, rename_all = "kebab-case", deny_unknown_fields)]
-struct MotionFields {
-    stay: f64,
-    kidnap: f64,
-    leave: f64,
-    enter: f64,
-}
-
-impl Default for MotionFields {
-    fn default() -> Self {
-        Self {
-            stay: 0.5,
-            kidnap: 0.01,
-            leave: 0.02,
-            enter: 0.1,
-        }
-    }
-}
-
-impl From<MotionConfig> for MotionFields {
-    fn from(cfg: MotionConfig) -> Self {
-        cfg.0
-    }
-}
-
-impl TryFrom<MotionFields> for MotionConfig {
-    type Error = Error;
-
-    fn try_from(fields: MotionFields) -> Result<Self> {
-        Self(fields).checked()
-    }
-}
-
-impl MotionConfig {
-    /// The probability of still being at a place at the next image; the rest goes along its edges,
-    /// each alike. In [0, 1], as the others are, which is checked where a [`Tracker`] or
-    /// [`EdgeMotion`] is made.
-    #[must_use]
-    pub fn with_stay(mut self, stay: f64) -> Self {
-        self.0.stay = stay;
-        self
-    }
-
-    /// The probability that the next image is taken anywhere. In (0, 1].
-    #[must_use]
-    pub fn with_kidnap(mut self, kidnap: f64) -> Self {
-        self.0.kidnap = kidnap;
-        self
-    }
-
-    /// The probability of having left the map at the next image. In [0, 1].
-    #[must_use]
-    pub fn with_leave(mut self, leave: f64) -> Self {
-        self.0.leave = leave;
-        self
-    }
-
-    /// The probability of having come into the map, anywhere, from off the map. In [0, 1].
-    #[must_use]
-    pub fn with_enter(mut self, enter: f64) -> Self {
-        self.0.enter = enter;
-        self
-    }
-
-    fn checked(self) -> Result<Self> {
-        share("stay", self.0.stay, 0.0)?;
-        share("kidnap", self.0.kidnap, f64::MIN_POSITIVE)?;
-        share("leave", self.0.leave, 0.0)?;
-        share("enter", self.0.enter, 0.0)?;
-        Ok(self)
-    }
-
-    /// The probability of still being at a place at the next image.
-    pub fn stay(&self) -> f64 {
-        self.0.stay
-    }
-
-    /// The probability that the next image is taken anywhere.
-    pub fn kidnap(&self) -> f64 {
-        self.0.kidnap
-    }
-
-    /// The probability of having left the map.
-    pub fn leave(&self) -> f64 {
-        self.0.leave
-    }
-
-    /// The probability of having come into the map.
-    pub fn enter(&self) -> f64 {
-        self.0.enter
-    }
-}
-
-fn share(name: &str, value: f64, least: f64) -> Result<()> {
-    if (least..=1.0).contains(&value) {
-        return Ok(());
-    }
-    Err(Error::new(
-        ErrorKind::Config,
-        format!("{name} is a probability, not {value}"),
-    )
-    .with_help("give a number between 0 and 1; `kidnap` must be above 0"))
-}
-
-/// Motion along the edges of a map, either way; where it has none, along the ways that the robot
-/// took when it learnt the map: from a place to those that it saw right before and after it. From a
-/// place without either, to any place.
-#[derive(Clone, Debug, PartialEq)]
-pub struct EdgeMotion {
-    stay: f64,
-    neighbours: Vec<Vec<NodeId>>,
-}
-
-impl EdgeMotion {
-    /// Along the edges of `snapshot`.
-    ///
-    /// Fails with [`ErrorKind::Config`] where a number of `cfg` is no probability.
-    pub fn new(snapshot: &Snapshot, cfg: &MotionConfig) -> Result<Self> {
-        let cfg = cfg.checked()?;
-        let mut neighbours = vec![Vec::new(); snapshot.nodes.len()];
-        if snapshot.edges.is_empty() {
-            return Self::along(&Neighbours::of(snapshot), snapshot.nodes.len(), &cfg);
-        }
-        let mut ends: Vec<_> = (snapshot.edges.iter())
-            .filter_map(|edge| Some((snapshot.find(&edge.from)?, snapshot.find(&edge.to)?)))
-            .filter(|(from, to)| from != to)
-            .flat_map(|(from, to)| [(from, to), (to, from)])
-            .collect();
-        ends.sort_unstable();
-        ends.dedup();
-        for (from, to) in ends {
-            neighbours[from.0 as usize].push(to);
-        }
-        Ok(Self {
-            stay: cfg.stay(),
-            neighbours,
-        })
-    }
-}
-
-impl EdgeMotion {
-    /// Along the ways that the robot took when it learnt a map of so many places.
-    fn along(known: &Neighbours, num_places: usize, cfg: &MotionConfig) -> Result<Self> {
-        let cfg = cfg.checked()?;
-        let of = |node: u32| {
-            known
-                .links(NodeId(node))
-                .iter()
-                .map(|&to| NodeId(to))
-                .collect()
-        };
-        Ok(Self {
-            stay: cfg.stay(),
-            neighbours: (0..num_places as u32).map(of).collect(),
-        })
-    }
-}
-
-impl Motion for EdgeMotion {
-    fn advance(&self, belief: &[f64], moved: &mut [f64]) {
-        let mut anywhere = 0.0;
-        for (place, (neighbours, &belief)) in self.neighbours.iter().zip(belief).enumerate() {
-            moved[place] += self.stay * belief;
-            let leaving = (1.0 - self.stay) * belief;
-            if neighbours.is_empty() {
-                anywhere += leaving;
-            }
-            for &NodeId(to) in neighbours {
-                moved[to as usize] += leaving / neighbours.len() as f64;
-            }
-        }
-        let each = anywhere / moved.len().max(1) as f64;
-        for moved in moved {
-            *moved += each;
-        }
-    }
-
-    fn num_places(&self) -> usize {
-        self.neighbours.len()
-    }
-}
-
-/// Motion by probabilities that are given for each pair of places.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Transitions(Vec<Vec<(NodeId, f64)>>);
-
-impl Transitions {
-    /// For each place, where the robot is at the next image, with its probability.
-    ///
-    /// Fails with [`ErrorKind::Config`] where a probability is outside [0, 1], those of a place sum
-    /// to more than 1, or a place is not one of them. Less than 1 is allowed: the rest has left the
-    /// map.
-    pub fn new(rows: Vec<Vec<(NodeId, f64)>>) -> Result<Self> {
-        let num_places = rows.len();
-        for (from, row) in rows.iter().enumerate() {
-            let total: f64 = row.iter().map(|(_, p)| p).sum();
-            let is_valid =
-                |&(to, p): &(NodeId, f64)| (to.0 as usize) < num_places && (0.0..=1.0).contains(&p);
-            if !row.iter().all(is_valid) || total > 1.0 + 1e-9 {
-                return Err(Error::new(
-                    ErrorKind::Config,
-                    format!(
-                        "the motion from node {from} is no distribution over {num_places} places: \
-                         {row:?}"
-                    ),
-                )
-                .with_help("give each place probabilities that sum to at most 1"));
-            }
-        }
-        Ok(Self(rows))
-    }
-}
-
-impl Motion for Transitions {
-    fn advance(&self, belief: &[f64], moved: &mut [f64]) {
-        for (row, &belief) in self.0.iter().zip(belief) {
-            for &(NodeId(to), p) in row {
-                moved[to as usize] += p * belief;
-            }
-        }
-    }
-
-    fn num_places(&self) -> usize {
-        self.0.len()
-    }
-}
 
 /// Follows a robot from image to image.
 #[derive(Clone)]
@@ -289,7 +49,11 @@ pub struct Tracker {
     motion: Arc<dyn Motion>,
     /// Of each place; nothing before the first image.
     belief: Vec<f64>,
+    /// Of each state of the motion, if the robot is on the map: sums to 1.
+    along: Vec<f64>,
     moved: Vec<f64>,
+    /// Of each state: its share where a place is all that is known.
+    uniform: Vec<f64>,
     /// Of each place: how likely the image is there.
     likelihoods: Vec<f64>,
     off_map: f64,
@@ -333,11 +97,22 @@ impl Tracker {
     ///
     /// Fails with [`ErrorKind::Config`] where a number of `cfg` is no probability.
     pub fn with_motion(motion: Arc<dyn Motion>, cfg: MotionConfig) -> Result<Self> {
+        let mut num_states = vec![0_u32; motion.num_places()];
+        for state in 0..motion.num_states() {
+            num_states[motion.place_of(state)] += 1;
+        }
+        let share = |state| {
+            let of_place = num_states[motion.place_of(state)];
+            1.0 / (num_states.len() as f64 * f64::from(of_place))
+        };
+        let uniform: Vec<f64> = (0..motion.num_states()).map(share).collect();
         Ok(Self {
             cfg: cfg.checked()?,
-            motion,
             belief: Vec::new(),
+            along: Vec::new(),
             moved: Vec::new(),
+            uniform,
+            motion,
             likelihoods: Vec::new(),
             off_map: 0.0,
             neighbours: Neighbours::default(),
@@ -357,6 +132,7 @@ impl Tracker {
     /// Forgets where the robot was.
     pub fn reset(&mut self) {
         self.belief.clear();
+        self.along.clear();
     }
 
     /// Takes the next image's answer into account: its posteriors, decision and reason become those
@@ -384,36 +160,95 @@ impl Tracker {
             )
             .with_help("make a new tracker when the map has changed"));
         }
-        let prior = (1.0 - cfg.off_map()) / num_places.max(1) as f64;
         self.compare(cfg.off_map(), answer);
-        if self.belief.is_empty() {
-            self.moved.clear();
-            self.moved.resize(num_places, prior);
-            self.off_map = cfg.off_map();
-        } else {
-            self.advance(cfg.off_map());
-        }
-        self.off_map *= answer.off_map / cfg.off_map();
-        for (moved, likelihood) in self.moved.iter_mut().zip(&self.likelihoods) {
-            *moved *= likelihood;
-        }
-        let total = self.moved.iter().sum::<f64>() + self.off_map;
-        self.belief.clear();
-        if total > 0.0 && total.is_finite() {
-            self.belief
-                .extend(self.moved.iter().map(|belief| belief / total));
-            self.off_map /= total;
-        } else {
-            // What the motion allows, the image denies: believe the image.
-            self.belief.resize(num_places, 0.0);
+        if !self.step(cfg.off_map(), answer.off_map) {
             for candidate in &answer.ranking {
                 self.belief[candidate.node.0 as usize] = candidate.posterior;
             }
-            self.off_map = answer.off_map;
         }
         let beside = |node| self.neighbours.beside(node);
         answer.follow(cfg, beside, &self.belief, self.off_map);
         Ok(())
+    }
+
+    /// Takes the posterior of the next image into account: of each place, by node, and of being off
+    /// the map, made with a uniform prior over places and `cfg`'s [`LocalizerConfig::off_map`].
+    ///
+    /// Fails with [`ErrorKind::Shape`] if it is of other places than the motion knows.
+    pub fn integrate(
+        &mut self,
+        cfg: &LocalizerConfig,
+        posterior: &[f64],
+        off_map: f64,
+    ) -> Result<()> {
+        let num_places = self.motion.num_places();
+        if posterior.len() != num_places {
+            return Err(Error::new(
+                ErrorKind::Shape,
+                format!(
+                    "the posterior is of {} places, the motion knows {num_places}",
+                    posterior.len()
+                ),
+            )
+            .with_help("make a new tracker when the map has changed"));
+        }
+        let prior = (1.0 - cfg.off_map()) / num_places.max(1) as f64;
+        self.likelihoods.clear();
+        (self.likelihoods).extend(posterior.iter().map(|posterior| posterior / prior));
+        if !self.step(cfg.off_map(), off_map) {
+            self.belief.copy_from_slice(posterior);
+        }
+        Ok(())
+    }
+
+    /// What to believe, if an answer may be wrong with probability `risk`, and the places that hold
+    /// the probability for it: see [`Localization::region`]. Unknown before the first image.
+    pub fn decide(&self, risk: f64) -> (Decision, Vec<NodeId>) {
+        let best =
+            (self.belief.iter().enumerate()).max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(&a.0)));
+        let Some((best, _)) = best else {
+            return (Decision::Unknown, Vec::new());
+        };
+        let node = NodeId(best as u32);
+        let mut region = Vec::new();
+        let posterior = |node: NodeId| self.belief[node.0 as usize];
+        let beside = self.neighbours.beside(node);
+        let decision =
+            Decision::by_region(beside, node, posterior, self.off_map, risk, &mut region);
+        (decision, region)
+    }
+
+    /// Moves the belief and multiplies it by the likelihoods of the image, whose posterior of being
+    /// off the map is `off_map`. Where the motion allows nothing that the image does, which is
+    /// `false`, the image alone is believed: its posterior of the places is for the caller to set.
+    fn step(&mut self, prior_off_map: f64, off_map: f64) -> bool {
+        let prior = if self.belief.is_empty() {
+            self.moved.clone_from(&self.uniform);
+            prior_off_map
+        } else {
+            self.advance(prior_off_map)
+        };
+        for (state, moved) in self.moved.iter_mut().enumerate() {
+            *moved *= self.likelihoods[self.motion.place_of(state)];
+        }
+        let on_map = (1.0 - prior) * self.moved.iter().sum::<f64>();
+        let off = prior * off_map / prior_off_map;
+        let total = on_map + off;
+        self.belief.clear();
+        self.belief.resize(self.motion.num_places(), 0.0);
+        self.along.clear();
+        if !(on_map > 0.0 && total.is_finite()) {
+            self.along.extend_from_slice(&self.uniform);
+            self.off_map = off_map;
+            return false;
+        }
+        self.off_map = off / total;
+        for (state, moved) in self.moved.iter().enumerate() {
+            let share = (1.0 - prior) * moved / on_map;
+            self.along.push(share);
+            self.belief[self.motion.place_of(state)] += share * on_map / total;
+        }
+        true
     }
 
     /// What the image alone says of each place, against its prior. In a large map only a short list
@@ -430,28 +265,35 @@ impl Tracker {
         }
     }
 
-    /// Moves the belief on to the next image, into `moved`.
-    fn advance(&mut self, prior_off_map: f64) {
+    /// Moves the belief on to the next image, into `moved`, and gives that of being off the map.
+    fn advance(&mut self, prior_off_map: f64) -> f64 {
         let MotionFields {
             kidnap,
             leave,
             enter,
+            resume,
             ..
         } = self.cfg.0;
-        let num_places = self.belief.len().max(1) as f64;
         self.moved.clear();
-        self.moved.resize(self.belief.len(), 0.0);
-        self.motion.advance(&self.belief, &mut self.moved);
+        self.moved.resize(self.along.len(), 0.0);
+        self.motion.advance(&self.along, &mut self.moved);
         let kept: f64 = self.moved.iter().sum();
-        let was_inside: f64 = self.belief.iter().sum();
-        let lost = (was_inside - kept).max(0.0);
-        let entered = enter * self.off_map / num_places;
-        let anywhere = kidnap * (1.0 - prior_off_map) / num_places;
-        for moved in &mut self.moved {
-            *moved = (1.0 - kidnap) * ((1.0 - leave) * *moved + entered) + anywhere;
+        let on_map = 1.0 - self.off_map;
+        let entered = enter * self.off_map;
+        // Who is on the map goes on along it, as most who come back do; the others are anywhere.
+        let on_way = (1.0 - kidnap) * ((1.0 - leave) * kept * on_map + resume * entered);
+        let anywhere = (1.0 - kidnap) * (1.0 - resume) * entered + kidnap * (1.0 - prior_off_map);
+        let total = on_way + anywhere;
+        let of_way = if kept > 0.0 {
+            on_way / (kept * total)
+        } else {
+            0.0
+        };
+        let of_any = if kept > 0.0 { anywhere / total } else { 1.0 };
+        for (moved, uniform) in self.moved.iter_mut().zip(&self.uniform) {
+            *moved = of_way * *moved + of_any * uniform;
         }
-        let outside = (1.0 - enter) * self.off_map + leave * kept + lost;
-        self.off_map = (1.0 - kidnap) * outside + kidnap * prior_off_map;
+        (1.0 - total).max(0.0)
     }
 }
 
@@ -460,7 +302,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::localize::{Candidate, Decision};
+    use crate::localize::{Candidate, Decision, Transitions};
 
     const OFF_MAP: f64 = 0.1;
 
@@ -494,17 +336,14 @@ mod tests {
         }
     }
 
-    /// A corridor of places, each with the next.
+    /// A corridor of places, each with the next, where a robot turns round as it likes.
     fn corridor(num_places: usize, stay: f64) -> Arc<dyn Motion> {
-        let neighbours = (0..num_places)
-            .map(|at| {
-                let near = [at.checked_sub(1), (at + 1 < num_places).then_some(at + 1)];
-                (near.into_iter().flatten())
-                    .map(|at| NodeId(at as u32))
-                    .collect()
-            })
-            .collect();
-        Arc::new(EdgeMotion { stay, neighbours })
+        let cfg = MotionConfig::default().with_stay(stay).with_turn(0.5);
+        Arc::new(EdgeMotion::over(num_places, chain(num_places), &cfg).expect("valid"))
+    }
+
+    fn chain(num_places: usize) -> impl Iterator<Item = (u32, u32)> {
+        (1..num_places as u32).map(|place| (place - 1, place))
     }
 
     /// Likelihoods of an image of `at` that looks like `like` as well.
@@ -603,7 +442,14 @@ mod tests {
 
     #[test]
     fn bad_numbers_are_refused_by_name() {
-        for text in ["kidnap = 0.0", "stay = 1.5", "leave = nan", "enter = -1.0"] {
+        for text in [
+            "kidnap = 0.0",
+            "stay = 1.5",
+            "leave = nan",
+            "enter = -1.0",
+            "turn = 2.0",
+            "resume = -0.1",
+        ] {
             let error = toml::from_str::<MotionConfig>(text).expect_err(text);
             let name = text.split(' ').next().expect("a name");
             assert!(error.to_string().contains(name), "{error}");
@@ -618,6 +464,72 @@ mod tests {
     }
 
     #[test]
+    fn a_direction_tells_more_than_a_place_does() {
+        // Ahead and behind look alike; only where the robot came from says which it is.
+        let cfg = MotionConfig::default();
+        let motion = EdgeMotion::over(9, chain(9), &cfg).expect("valid");
+        let mut tracker = Tracker::with_motion(Arc::new(motion), cfg).expect("valid");
+        for at in [1, 2, 3, 4] {
+            tracker
+                .update(&self::cfg(), &mut answer(&seen(9, at, &[])))
+                .expect("fits");
+        }
+        let mut alike = answer(&seen(9, 5, &[3]));
+        tracker.update(&self::cfg(), &mut alike).expect("fits");
+        assert_eq!(alike.ranking[0].node, NodeId(5));
+        assert!(alike.ranking[0].posterior > 0.8, "{tracker:?}");
+    }
+
+    #[test]
+    fn a_way_is_resumed_after_images_that_show_nothing_of_the_map() {
+        let cfg = MotionConfig::default();
+        let follow = |cfg: MotionConfig| {
+            let motion = EdgeMotion::over(30, chain(30), &cfg).expect("valid");
+            let mut tracker = Tracker::with_motion(Arc::new(motion), cfg).expect("valid");
+            for at in 0..4 {
+                tracker
+                    .update(&self::cfg(), &mut answer(&seen(30, at, &[])))
+                    .expect("fits");
+            }
+            for _ in 0..6 {
+                let mut covered = vec![0.01; 31];
+                covered[30] = 3.0;
+                let mut covered = answer(&covered);
+                tracker.update(&self::cfg(), &mut covered).expect("fits");
+            }
+            assert!(tracker.off_map() > 0.9, "{tracker:?}");
+            // What comes then is also to be seen at the other end.
+            let mut again = answer(&seen(30, 10, &[27]));
+            tracker.update(&self::cfg(), &mut again).expect("fits");
+            tracker.belief()[10] / tracker.belief()[27]
+        };
+        assert!(follow(cfg) > 3.0);
+        assert!((follow(cfg.with_resume(0.0)) - 1.0).abs() < 0.2);
+    }
+
+    #[test]
+    fn slow_and_fast_robots_are_followed_alike() {
+        // Every image fits a place far away as well, which does not move as a robot does.
+        for (images_a_place, places_an_image) in [(4, 1), (1, 1), (1, 2)] {
+            let cfg = MotionConfig::default();
+            let motion = EdgeMotion::over(60, chain(60), &cfg).expect("valid");
+            let mut tracker = Tracker::with_motion(Arc::new(motion), cfg).expect("valid");
+            let mut num_right = 0;
+            for image in 0..24 {
+                let at = 2 + image / images_a_place * places_an_image;
+                let like = 53 - 7 * (image % 5);
+                let mut seen = answer(&seen(60, at, &[like]));
+                tracker.update(&self::cfg(), &mut seen).expect("fits");
+                num_right += usize::from(seen.ranking[0].node == NodeId(at as u32));
+            }
+            assert!(
+                num_right >= 20,
+                "{images_a_place} {places_an_image}: {num_right}"
+            );
+        }
+    }
+
+    #[test]
     fn listed_transitions_are_those_of_the_edges() {
         let rows = vec![
             vec![(NodeId(0), 0.4), (NodeId(1), 0.6)],
@@ -626,10 +538,47 @@ mod tests {
         ];
         let listed = Transitions::new(rows).expect("valid");
         let belief = [0.2, 0.5, 0.1];
-        let (mut a, mut b) = ([0.0; 3], [0.0; 3]);
-        listed.advance(&belief, &mut a);
-        corridor(3, 0.4).advance(&belief, &mut b);
-        assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-15));
+        let mut by_list = [0.0; 3];
+        listed.advance(&belief, &mut by_list);
+        // Place 1 is reached by two links, from either side.
+        let motion = corridor(3, 0.4);
+        let states: Vec<usize> = (0..4).map(|state| motion.place_of(state)).collect();
+        let of_state = |&place: &usize| belief[place] / [1.0, 2.0, 1.0][place];
+        let mut moved = [0.0; 4];
+        motion.advance(&states.iter().map(of_state).collect::<Vec<_>>(), &mut moved);
+        let mut by_edges = [0.0; 3];
+        for (place, moved) in states.into_iter().zip(moved) {
+            by_edges[place] += moved;
+        }
+        assert!(
+            by_list
+                .iter()
+                .zip(&by_edges)
+                .all(|(a, b)| (a - b).abs() < 1e-15)
+        );
+    }
+
+    #[test]
+    fn nothing_is_lost_on_any_graph_and_islands_lead_anywhere() {
+        let graphs: [(usize, &[(u32, u32)]); 4] = [
+            (1, &[]),
+            (4, &[(0, 1)]),
+            (5, &[(0, 1), (1, 2), (2, 0), (2, 3), (3, 4), (1, 1)]),
+            (6, &[(0, 1), (0, 2), (0, 3), (0, 4), (0, 5), (1, 0)]),
+        ];
+        for (num_places, ends) in graphs {
+            let cfg = MotionConfig::default();
+            let motion = EdgeMotion::over(num_places, ends.iter().copied(), &cfg).expect("valid");
+            for state in 0..motion.num_states() {
+                let mut belief = vec![0.0; motion.num_states()];
+                belief[state] = 1.0;
+                let mut moved = vec![0.0; motion.num_states()];
+                motion.advance(&belief, &mut moved);
+                let total: f64 = moved.iter().sum();
+                assert!((total - 1.0).abs() < 1e-12, "{num_places} {state}: {total}");
+                assert!(motion.place_of(state) < num_places);
+            }
+        }
     }
 
     proptest! {
@@ -643,7 +592,7 @@ mod tests {
             enter in 0.0..1.0_f64,
         ) {
             let motion_cfg = MotionConfig::default()
-                .with_stay(stay).with_kidnap(kidnap).with_leave(leave).with_enter(enter);
+                .with_kidnap(kidnap).with_leave(leave).with_enter(enter).with_resume(0.0);
             let mut tracker = Tracker::with_motion(corridor(3, stay), motion_cfg).expect("valid");
             // Hypotheses 0 to 2 are places, 3 is off the map.
             let prior = |to: usize| if to == 3 { OFF_MAP } else { (1.0 - OFF_MAP) / 3.0 };

@@ -26,7 +26,8 @@ const BYTES_PER_VISIT: usize = 200;
 const SMALL_BYTES: usize = 1 << 18;
 
 /// How often what was learnt is learnt again, because other processes commit at the same time,
-/// before the commit is put off until the next one is due.
+/// before the commit is put off until the next one is due: once would do, but for writers that do
+/// not wait for their turn.
 const MAX_ATTEMPTS: usize = 20;
 
 /// A map file and the learner that goes on with it: learns visits, commits when it is time.
@@ -162,9 +163,10 @@ impl OnlineLearner {
     /// Commits what was learnt as a generation of the file.
     ///
     /// Where another process has committed meanwhile, that is read, and what was learnt since the
-    /// last commit is learnt again on top of it. Where a budget made the learner forget, and
-    /// generations have become many, all but the last few are pruned. Fails as [`Map::replace`] and
-    /// [`Map::prune`] do; what was learnt is still there then, and the call can be repeated.
+    /// last commit is learnt again on top of it, for which other writers wait. Where a budget made
+    /// the learner forget, and generations have become many, all but the last few are pruned. Fails
+    /// as [`Map::replace`] and [`Map::prune`] do; what was learnt is still there then, and the call
+    /// can be repeated.
     pub fn commit(&mut self) -> Result<Committed> {
         self.commit_with(|_| Ok(()))
     }
@@ -176,22 +178,18 @@ impl OnlineLearner {
         change: impl Fn(&mut Snapshot) -> Result<()>,
     ) -> Result<Committed> {
         let begun = Instant::now();
-        let mut num_attempts = 0;
-        let snapshot = loop {
-            let mut snapshot = Snapshot::clone(&*self.learner.snapshot()?);
-            change(&mut snapshot)?;
-            num_attempts += 1;
-            match self.map.replace(&snapshot) {
-                Ok(_) => break snapshot,
-                Err(error)
-                    if error.kind() == ErrorKind::Conflict && num_attempts < MAX_ATTEMPTS =>
-                {
-                    tracing::info!("learning again: {error}");
-                    self.refresh()?;
+        let mut stored = self.store(&change);
+        if is_conflict(&stored) {
+            self.map.take_turn();
+            for _ in 1..MAX_ATTEMPTS {
+                stored = self.refresh().and_then(|()| self.store(&change));
+                if !is_conflict(&stored) {
+                    break;
                 }
-                Err(error) => return Err(error),
             }
-        };
+            self.map.end_turn();
+        }
+        let snapshot = stored?;
         self.pending.clear();
         match self.prune(&snapshot) {
             // Whoever has committed meanwhile will prune in turn.
@@ -204,6 +202,14 @@ impl OnlineLearner {
             snapshot: self.map.snapshot(),
             took,
         })
+    }
+
+    /// Makes what was learnt, changed, the stored state, if nobody else has committed.
+    fn store(&mut self, change: &impl Fn(&mut Snapshot) -> Result<()>) -> Result<Snapshot> {
+        let mut snapshot = Snapshot::clone(&*self.learner.snapshot()?);
+        change(&mut snapshot)?;
+        self.map.replace(&snapshot)?;
+        Ok(snapshot)
     }
 
     /// Goes on with what is in the file by now, and learns on top of it what is not in it yet.
@@ -241,6 +247,10 @@ impl OnlineLearner {
         }
         Ok(())
     }
+}
+
+fn is_conflict<T>(stored: &Result<T>) -> bool {
+    (stored.as_ref().err()).is_some_and(|error| error.kind() == ErrorKind::Conflict)
 }
 
 /// Whether a good part of the file is of the past. O(visits).

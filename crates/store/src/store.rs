@@ -5,17 +5,18 @@
 //! synchronisation, and appends: its cost follows from what is new, not from what is stored. What
 //! an interrupted commit left behind is undone when the file is next opened, to be read or written;
 //! where that may not be, it is read past. One process writes at a time, any number read; nobody
-//! holds a lock between calls. A new file is made under another name and renamed, so what bears the
+//! holds a lock between calls, but a writer that was overtaken may ask others to wait
+//! ([`Store::take_turn`]). A new file is made under another name and renamed, so what bears the
 //! name is whole.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use fremen::error::{Error, ErrorKind, Result};
-use fremen::file::Unfinished;
+use fremen::file::{Turn, Unfinished};
 use rusqlite::{Connection, Transaction, TransactionBehavior};
 
-use crate::connection::{Access, connect, connect_image};
+use crate::connection::{Access, BUSY_TIMEOUT, connect, connect_image};
 use crate::fault::{Fault, Faults};
 use crate::generation::Tip;
 use crate::header::{peek, shared};
@@ -34,6 +35,8 @@ pub struct Store {
     is_read_only: bool,
     /// Whether it is read from memory, because what a killed writer left cannot be undone here.
     is_image: bool,
+    /// Held while a change is made again.
+    turn: Option<Turn>,
 }
 
 impl Store {
@@ -67,6 +70,7 @@ impl Store {
                 connection,
                 is_read_only: false,
                 is_image: false,
+                turn: None,
             })
         };
         create().map_err(|error: Error| error.with_path(path))
@@ -110,6 +114,7 @@ impl Store {
                 connection,
                 is_read_only,
                 is_image,
+                turn: None,
             };
             Ok((store, found))
         };
@@ -219,6 +224,7 @@ impl Store {
     /// Once this returns, the commit survives a power loss; on any error the file is as before.
     pub fn write(&mut self, tip: Tip, write: impl FnOnce(&Writer<'_>) -> Result<()>) -> Result<()> {
         let kind = self.kind;
+        let _turn = self.others_turn();
         let commit = || {
             self.settle()?;
             let _shared = shared();
@@ -233,6 +239,27 @@ impl Store {
         commit().map_err(|error| error.with_path(&self.path))
     }
 
+    /// Keeps other writers waiting until [`end_turn`](Self::end_turn), so that a change which takes
+    /// long to make is in time. `turn` comes of [`turn_for`](Self::turn_for).
+    pub fn take_turn(&mut self, turn: Turn) {
+        self.turn = Some(turn);
+    }
+
+    /// Lets other writers go on.
+    pub fn end_turn(&mut self) {
+        self.turn = None;
+    }
+
+    /// Waits for the turns of other writers of the file at `path`.
+    pub fn turn_for(path: &Path) -> Turn {
+        Turn::wait(path, BUSY_TIMEOUT)
+    }
+
+    /// A turn for one call, unless it is held already.
+    fn others_turn(&self) -> Option<Turn> {
+        self.turn.is_none().then(|| Self::turn_for(&self.path))
+    }
+
     /// Forgets all generations but 0, the newest, those in `keep` and those where their lines part,
     /// if the file still stands at `tip`. Gives what `read` finds then, which must be the same as
     /// before by `is_same`, and how many went; `None` if all of them stay.
@@ -244,6 +271,7 @@ impl Store {
         is_same: impl Fn(&T, &T) -> bool,
     ) -> Result<Option<(T, usize)>> {
         let kind = self.kind;
+        let _turn = self.others_turn();
         let prune = || {
             self.settle()?;
             let _shared = shared();

@@ -12,5 +12,5 @@ pub use features::{Extracted, ExtractedDataset};
 pub use folds::{Fold, folds};
 pub(crate) use folds::{photograph, split_at, visit_numbers, without_duplicates};
 pub(crate) use images::{Images, images};
-pub(crate) use nearness::Nearness;
+pub(crate) use nearness::{Nearness, route, ways};
 pub(crate) use worlds::{Worlds, prefix};

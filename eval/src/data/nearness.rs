@@ -142,14 +142,11 @@ impl<'a> Nearness<'a> {
 /// ten times what is usual between two images. The run that saw most places
 /// gives the order (in it the order of time, and of names where times are equal); a place that it
 /// missed comes after the place before it in a run that saw it.
-fn route<'a>(dataset: &'a Dataset, learn: &[usize]) -> Vec<&'a PlaceKey> {
+pub(crate) fn route<'a>(dataset: &'a Dataset, learn: &[usize]) -> Vec<&'a PlaceKey> {
     // Entries are sorted by time, then by name of the place.
     let mut learn = learn.to_vec();
     learn.sort_unstable();
-    let pauses = learn.windows(2).map(|pair| gap_s(dataset, pair));
-    let mut gaps_s: Vec<f64> = pauses.filter(|gap_s| *gap_s > 0.0).collect();
-    gaps_s.sort_unstable_by(f64::total_cmp);
-    let most_s = (gaps_s.get(gaps_s.len() / 2)).map_or(f64::INFINITY, |usual_s| 10.0 * usual_s);
+    let most_s = longest_step_s(dataset, &learn);
     let mut runs: Vec<Vec<&PlaceKey>> = vec![Vec::new()];
     let mut seen = BTreeSet::new();
     for (i, &entry) in learn.iter().enumerate() {
@@ -188,6 +185,23 @@ fn route<'a>(dataset: &'a Dataset, learn: &[usize]) -> Vec<&'a PlaceKey> {
         }
     }
     route
+}
+
+/// `entries`, in order of time, cut where the robot paused.
+pub(crate) fn ways(dataset: &Dataset, entries: &[usize]) -> Vec<Vec<usize>> {
+    let mut entries = entries.to_vec();
+    entries.sort_unstable();
+    let most_s = longest_step_s(dataset, &entries);
+    let is_step = |from: &usize, to: &usize| gap_s(dataset, &[*from, *to]) <= most_s;
+    entries.chunk_by(is_step).map(<[usize]>::to_vec).collect()
+}
+
+/// A longer time between two of `entries` is a pause: ten times what is usual.
+fn longest_step_s(dataset: &Dataset, entries: &[usize]) -> f64 {
+    let gaps = entries.windows(2).map(|pair| gap_s(dataset, pair));
+    let mut gaps_s: Vec<f64> = gaps.filter(|gap_s| *gap_s > 0.0).collect();
+    gaps_s.sort_unstable_by(f64::total_cmp);
+    (gaps_s.get(gaps_s.len() / 2)).map_or(f64::INFINITY, |usual_s| 10.0 * usual_s)
 }
 
 fn gap_s(dataset: &Dataset, pair: &[usize]) -> f64 {
@@ -257,6 +271,22 @@ mod tests {
         let before = dataset(&[("b", 0), ("c", 1), ("d", 2), ("a", 99), ("b", 100)]);
         let before = route(&before, &all(&before));
         assert_eq!(names(&before), ["a", "b", "c", "d"]);
+    }
+
+    #[test]
+    fn a_way_ends_at_a_pause() {
+        let data = dataset(&[
+            ("a", 0),
+            ("b", 1),
+            ("c", 2),
+            ("c", 3),
+            ("a", 100),
+            ("b", 102),
+        ]);
+        assert_eq!(ways(&data, &all(&data)), [vec![0, 1, 2, 3], vec![4, 5]]);
+        assert_eq!(ways(&data, &[5, 0, 1, 2]), [vec![0, 1, 2], vec![5]]);
+        assert_eq!(ways(&data, &[2]), [[2]]);
+        assert!(ways(&data, &[]).is_empty());
     }
 
     #[test]

@@ -9,7 +9,8 @@ use chronotope::localize;
 use chronotope::predict::Selection;
 use rayon::prelude::*;
 
-use super::fold::{RunAnswers, learn, live, localizers, run_fold, times};
+use super::answer::RunAnswers;
+use super::fold::{learn, live, localizers, run_fold, times};
 use super::options::RunOptions;
 use super::showcase::{Showcase, Shown, SuiteRun};
 use super::tallies::{NamedQuery, Tallies};
@@ -20,7 +21,7 @@ use crate::data::{
 use crate::judge::statistics::p50_p99;
 use crate::progress::Progress;
 use crate::results::{LeakCheck, Query, StageLatency, SuiteResults};
-use crate::suite::{Arm, Home, Suite, shipped};
+use crate::suite::{Arm, Home, Ranking, Suite, shipped};
 
 /// So many queries of the first fold are answered once more, one at a time, with the clock running.
 const NUM_TIMED: usize = 16;
@@ -87,7 +88,10 @@ impl<'s> DatasetRun<'s> {
             .collect::<Result<_>>()?;
         let mut first_run = 0;
         for arm in &self.suite.arms {
-            let runs = arm.runs(self.has_clock)?;
+            let mut runs = arm.runs(self.has_clock)?;
+            for run in &mut runs {
+                run.follows &= self.suite.protocol.queries_ways();
+            }
             let num_runs = runs.len();
             let answers: Vec<Vec<(usize, Vec<RunAnswers>)>> = (checked.par_iter())
                 .map(|fold| {
@@ -149,7 +153,7 @@ impl<'s> DatasetRun<'s> {
             let known = self.showcase.as_ref();
             if known.is_none_or(|known| known.is_less_than(&localizer, is_default)) {
                 self.showcase = Some(Showcase {
-                    variant: run.variant(arm.preset, localizer.cfg().score()),
+                    variant: run.variant(arm.preset, Ranking::Image(localizer.cfg().score())),
                     localizer,
                     fold: fold.clone(),
                     times: times.clone(),

@@ -11,30 +11,19 @@ use chronotope::Time;
 use chronotope::dataset::Dataset;
 use chronotope::feature::Features;
 use chronotope::learn::{KeepAppearances, LearnConfig, Learner, Observation};
-use chronotope::localize::{Decision, Localizer, Query, Score, Scratch, Sweep};
+use chronotope::localize::{Localizer, Query, Score, Scratch, Sweep};
 use chronotope::map::{MapMeta, NodeId, SessionId, Snapshot, derived_uuid};
 use chronotope::predict::Choice;
 use rayon::prelude::*;
 
+use super::answer::{ImageAnswer, RunAnswers, decided, named_posterior};
+use super::route::follow;
 use crate::data::{ExtractedDataset, Fold, visit_numbers};
 use crate::results::{self, Answer};
 use crate::suite::{Arm, Run};
 
 /// Re-observation is judged on so many of the most likely features (T-RO 2017, table I).
 pub(crate) const TOP: usize = 10;
-
-/// Smaller shares of a posterior would be written as 0 and are left out of the results.
-const LEAST_SHARE: f64 = 5e-5;
-
-/// What one run said about one query.
-#[derive(Clone, Debug)]
-pub(crate) struct RunAnswers {
-    /// For each score and n: the answer.
-    pub(crate) answers: Vec<Vec<Answer>>,
-    pub(crate) pairs_compared: Vec<u64>,
-    /// (seen again, selected) of the most likely features, where the method predicts features.
-    pub(crate) reobserved: Option<(u32, u32)>,
-}
 
 /// The strongest features of an image.
 pub(crate) fn live(data: &ExtractedDataset, entry: usize, num_live: usize) -> Features {
@@ -96,7 +85,7 @@ pub(crate) fn run_fold(
     let snapshot = learn(data, fold, arm, &times)?;
     let localizers = localizers(&snapshot, runs)?;
     let num_live = LearnConfig::preset(arm.preset).features_per_visit();
-    (fold.query.par_iter())
+    let mut answers: Vec<(usize, Vec<RunAnswers>)> = (fold.query.par_iter())
         .map_init(
             || (Scratch::default(), Sweep::new(sizes)),
             |(scratch, sweep), &entry| {
@@ -116,7 +105,9 @@ pub(crate) fn run_fold(
                 Ok((entry, said))
             },
         )
-        .collect()
+        .collect::<Result<_>>()?;
+    follow(&data.dataset, fold, runs, &localizers, sizes, &mut answers)?;
+    Ok(answers)
 }
 
 /// One localizer for each run.
@@ -124,14 +115,6 @@ pub(crate) fn localizers(snapshot: &Arc<Snapshot>, runs: &[Run]) -> Result<Vec<L
     (runs.iter())
         .map(|run| Ok(Localizer::new(Arc::clone(snapshot), run.localizer.clone())?))
         .collect()
-}
-
-/// Probabilities are written so that `p` and `1 - p` both keep four digits, down to 1e-12: files
-/// stay small, and answers that are nearly sure stay in order.
-fn rounded(p: f64) -> f64 {
-    let rarer = p.min(1.0 - p).max(1e-12);
-    let scale = 10_f64.powi(3 - rarer.log10().floor() as i32);
-    (p * scale).round() / scale
 }
 
 /// What one run answers to one query.
@@ -144,13 +127,21 @@ fn answer_query(
     sweep: &mut Sweep,
 ) -> Result<RunAnswers> {
     localizer.sweep(scratch, query, sweep)?;
+    let sizes = 0..sweep.sizes().len();
     let answers = (run.scores.iter())
         .map(|&score| {
-            (0..sweep.sizes().len())
+            (sizes.clone())
                 .map(|size| answer(localizer, sweep, score, size))
                 .collect()
         })
         .collect();
+    let images = if run.follows {
+        sizes
+            .map(|size| image_answer(localizer, sweep, size))
+            .collect()
+    } else {
+        Vec::new()
+    };
     let pairs_compared = sweep.pairs_compared().to_vec();
     let reobserved = match truth {
         // By the most likely features, as in the papers, so once for each model.
@@ -167,46 +158,43 @@ fn answer_query(
     };
     Ok(RunAnswers {
         answers,
+        images,
         pairs_compared,
         reobserved,
     })
 }
 
-/// A decision of the library as results name it: the one place where that is done. What it is worth
-/// says [`results::Query::outcome`].
-fn decided(
-    (decision, region): (Decision, Vec<NodeId>),
-    name: &impl Fn(usize) -> String,
-) -> results::Decision {
-    match decision {
-        Decision::Near(_) => {
-            let places = region.iter().map(|node| name(node.0 as usize));
-            results::Decision::Near(places.collect())
-        }
-        Decision::At(node) => results::Decision::At(name(node.0 as usize)),
-        Decision::Ambiguous => results::Decision::Ambiguous,
-        _ => results::Decision::Unknown,
+/// What the image said of every place at the sweep's `size`-th n.
+fn image_answer(localizer: &Localizer, sweep: &Sweep, size: usize) -> ImageAnswer {
+    let scores = scores(localizer, sweep, Score::Likelihood, size);
+    let (posterior, off_map) = localizer
+        .posterior(Score::Likelihood, sweep.sizes()[size], &scores)
+        .unwrap_or_else(|| (vec![0.0; scores.len()], 1.0));
+    ImageAnswer {
+        scores,
+        posterior,
+        off_map,
     }
+}
+
+/// What every place scored, by node, at the sweep's `size`-th n.
+fn scores(localizer: &Localizer, sweep: &Sweep, score: Score, size: usize) -> Vec<f64> {
+    (0..localizer.snapshot().nodes.len())
+        .map(|node| sweep.scores(NodeId(node as u32), size).by(score))
+        .collect()
 }
 
 /// The answer by one score at the sweep's `size`-th n.
 fn answer(localizer: &Localizer, sweep: &Sweep, score: Score, size: usize) -> Answer {
     let nodes = &localizer.snapshot().nodes;
     let name = |node: usize| nodes[node].key.as_str().to_owned();
-    let scores: Vec<f64> = (0..nodes.len())
-        .map(|node| sweep.scores(NodeId(node as u32), size).by(score))
-        .collect();
+    let scores = scores(localizer, sweep, score, size);
     let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let weighed = localizer.posterior(score, sweep.sizes()[size], &scores);
     let posterior = weighed
         .as_ref()
         .map_or_else(BTreeMap::new, |(shares, off_map)| {
-            let mut named: BTreeMap<String, f64> = (shares.iter().enumerate())
-                .filter(|(_, share)| **share >= LEAST_SHARE)
-                .map(|(node, share)| (name(node), rounded(*share)))
-                .collect();
-            named.insert(results::OFF_MAP.into(), rounded(*off_map));
-            named
+            named_posterior(shares, *off_map, &name)
         });
     // Without a single match, a count ranks nothing.
     if best <= 0.0 && score != Score::Likelihood {

@@ -1,10 +1,12 @@
 //! How is a suite run, from a name to finished results?
 
+mod answer;
 mod dataset;
 mod fold;
 mod multi_dataset;
 mod options;
 pub mod replay;
+mod route;
 mod showcase;
 mod tallies;
 mod timing;

@@ -17,7 +17,8 @@ use chronotope::dataset::Clock;
 use chronotope::localize::LocalizerConfig;
 use rayon::prelude::*;
 
-use super::fold::{RunAnswers, run_fold};
+use super::answer::RunAnswers;
+use super::fold::run_fold;
 use super::options::RunOptions;
 use super::tallies::{NamedQuery, Tallies};
 use crate::data::{

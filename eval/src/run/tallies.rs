@@ -5,13 +5,14 @@
 
 use std::collections::BTreeMap;
 
-use chronotope::localize::{LocalizerConfig, Preset, Score};
+use chronotope::localize::{LocalizerConfig, Preset};
 
-use super::fold::{RunAnswers, TOP};
+use super::answer::RunAnswers;
+use super::fold::TOP;
 use crate::judge::rates::{Tally, within};
 use crate::judge::statistics::{Sample, p50_p99};
 use crate::results::{Query, Reobservation, SuiteResults, Variant};
-use crate::suite::{Arm, Run, Suite};
+use crate::suite::{Arm, Ranking, Run, Suite};
 
 /// A query as results name it.
 #[derive(Clone, Debug)]
@@ -115,8 +116,8 @@ impl<'s> Tallies<'s> {
             if self.suite.visibility_only {
                 continue;
             }
-            for (&score, answers) in tally.run.scores.iter().zip(said.answers) {
-                let name = tally.run.variant(tally.preset, score);
+            for (ranking, answers) in tally.run.rankings().into_iter().zip(said.answers) {
+                let name = tally.run.variant(tally.preset, ranking);
                 for (&n, answer) in self.suite.sizes.iter().zip(answers) {
                     known.answers.insert(name.at(n as u32).to_string(), answer);
                 }
@@ -141,14 +142,14 @@ impl<'s> Tallies<'s> {
         results.queries = self.queries.into_values().collect();
         for tally in &self.runs {
             let reobserved = tally.reobservation();
-            for &score in &tally.run.scores {
-                let name = tally.run.variant(tally.preset, score);
+            for ranking in tally.run.rankings() {
+                let name = tally.run.variant(tally.preset, ranking);
                 for (size, &n) in self.suite.sizes.iter().enumerate() {
                     let key = name.at(n as u32);
-                    let has_rule = score == Score::Likelihood;
-                    let is_default = tally.is_default && score == tally.run.localizer.score();
-                    let mut row =
-                        Tally::of(&results.queries, &key, has_rule).into_row(&key, is_default);
+                    let is_default =
+                        tally.is_default && ranking == Ranking::Image(tally.run.localizer.score());
+                    let mut row = Tally::of(&results.queries, &key, ranking.has_rule())
+                        .into_row(&key, is_default);
                     row.reobserved = reobserved.as_ref().map(|reobserved| reobserved.percent);
                     row.pairs_compared =
                         tally.pairs_compared[size] as f64 / tally.num_queries.max(1) as f64;
@@ -176,7 +177,7 @@ impl RunTally {
         Some(Reobservation {
             variant: Variant {
                 score: String::new(),
-                ..self.run.variant(self.preset, self.run.localizer.score())
+                ..(self.run).variant(self.preset, Ranking::Image(self.run.localizer.score()))
             },
             top: TOP as u32,
             percent: percent.mean,

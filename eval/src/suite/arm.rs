@@ -36,6 +36,44 @@ pub struct Arm {
     /// posteriors; in suites of many maps that is half of the time.
     #[serde(default = "yes")]
     pub calibrate_counts: bool,
+    /// Whether queries are also answered as images that follow each other, where the protocol
+    /// queries whole runs.
+    #[serde(default)]
+    pub routes: bool,
+}
+
+/// What places are ranked by in one row: its `score`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ranking {
+    /// By what one image scores.
+    Image(Score),
+    /// By what is believed of the robot after all images of its way so far.
+    Tracked,
+    /// The same, of a robot that is carried elsewhere again and again.
+    Kidnapped,
+    /// By the scores of the latest images, added up along the route, as in `SeqSLAM`.
+    Sequence,
+}
+
+impl Ranking {
+    /// Its name in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Image(score) => score.name(),
+            Self::Tracked => "tracked",
+            Self::Kidnapped => "kidnapped",
+            Self::Sequence => "sequence",
+        }
+    }
+
+    /// Whether it may call an image unknown.
+    pub fn has_rule(self) -> bool {
+        match self {
+            Self::Image(score) => score == Score::Likelihood,
+            Self::Tracked | Self::Kidnapped => true,
+            Self::Sequence => false,
+        }
+    }
 }
 
 const fn yes() -> bool {
@@ -69,16 +107,27 @@ pub struct Run {
     pub model: String,
     /// Components of the model.
     pub order: u32,
+    /// Whether queries are also answered as images that follow each other.
+    pub follows: bool,
 }
 
 impl Run {
-    /// The name of this run's rows for one score.
-    pub fn variant(&self, preset: Preset, score: Score) -> Variant {
+    /// What places are ranked by: each score, and what comes of images that follow each other.
+    pub fn rankings(&self) -> Vec<Ranking> {
+        let mut rankings: Vec<_> = self.scores.iter().copied().map(Ranking::Image).collect();
+        if self.follows {
+            rankings.extend([Ranking::Tracked, Ranking::Kidnapped, Ranking::Sequence]);
+        }
+        rankings
+    }
+
+    /// The name of this run's rows for one ranking.
+    pub fn variant(&self, preset: Preset, ranking: Ranking) -> Variant {
         Variant {
             preset: preset.name().into(),
             method: self.localizer.method().name().into(),
             model: self.model.clone(),
-            score: score.name().into(),
+            score: ranking.name().into(),
             order: RowOrder::Fixed(self.order),
         }
     }
@@ -148,6 +197,7 @@ impl Arm {
                     scores: self.scores.clone(),
                     model: "none".into(),
                     order: 0,
+                    follows: false,
                 }),
                 Method::Fremen => {
                     for (model, order) in self.models_and_orders() {
@@ -167,15 +217,20 @@ impl Arm {
                             scores: self.scores.clone(),
                             model: model.name.clone(),
                             order: order as u32,
+                            follows: false,
                         });
                     }
                 }
             }
         }
-        if let Some(label) = &self.label {
-            for run in &mut runs {
+        for run in &mut runs {
+            if let Some(label) = &self.label {
                 run.model = format!("{} {label}", run.model);
             }
+            // A way is followed by posteriors, which need calibrated likelihoods.
+            run.follows = self.routes
+                && run.localizer.method().predicts()
+                && run.localizer.score() == Score::Likelihood;
         }
         Ok(runs)
     }
@@ -194,6 +249,7 @@ impl Arm {
                 scores: self.scores.clone(),
                 model: model.into(),
                 order,
+                follows: false,
             });
             return;
         }
@@ -209,6 +265,7 @@ impl Arm {
                     scores,
                     model: model.into(),
                     order,
+                    follows: false,
                 });
             }
         }

@@ -14,7 +14,7 @@ use chronotope::{Error, ErrorKind, Result};
 use serde::Deserialize;
 
 use crate::results::Tolerance;
-pub use arm::{Arm, Model, Run, shipped};
+pub use arm::{Arm, Model, Ranking, Run, shipped};
 pub use protocol::{Form, Protocol};
 
 /// The numbers of features a place that every suite runs unless it says otherwise.
@@ -318,8 +318,8 @@ mod tests {
         for arm in &suite.arms {
             for run in arm.runs(true).unwrap() {
                 num_defaults += usize::from(run.localizer == LocalizerConfig::default());
-                for &score in &run.scores {
-                    let name = run.variant(arm.preset, score).to_string();
+                for ranking in run.rankings() {
+                    let name = run.variant(arm.preset, ranking).to_string();
                     assert!(names.insert(name.clone()), "{name} is there twice");
                 }
             }

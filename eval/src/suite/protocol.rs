@@ -83,6 +83,16 @@ pub enum Protocol {
     },
 }
 
+impl Protocol {
+    /// Whether queries are whole runs of a robot, image after image.
+    pub fn queries_ways(&self) -> bool {
+        matches!(
+            self,
+            Self::Route { .. } | Self::OtherFolder { .. } | Self::Listed { .. }
+        )
+    }
+}
+
 const fn one() -> u64 {
     1
 }

@@ -23,9 +23,6 @@ use crate::map::types::MapMeta;
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
 
-/// How often a change is made again because other processes commit at the same time.
-const MAX_ATTEMPTS: usize = 20;
-
 /// A map file.
 ///
 /// Cheap to share: all methods take `&self`, and only [`commit`](Self::commit) waits for the disk.
@@ -273,19 +270,37 @@ impl Map {
     /// number: [`replace`](Self::replace) that asks again where another process has committed
     /// meanwhile.
     ///
-    /// `change` may be called several times, each time with a newer snapshot.
+    /// `change` may be called twice, the second time with a newer snapshot, while other writers
+    /// wait.
     pub fn update(&self, mut change: impl FnMut(&Snapshot) -> Result<Snapshot>) -> Result<u64> {
-        let mut snapshot = self.snapshot();
-        for _ in 0..MAX_ATTEMPTS {
-            match self.replace(&change(&snapshot)?) {
-                Err(error) if error.kind() == ErrorKind::Conflict => {
-                    tracing::info!("{error}");
-                    snapshot = self.refresh()?;
-                }
-                done => return done,
+        match self.replace(&change(&self.snapshot())?) {
+            Err(error) if error.kind() == ErrorKind::Conflict => {
+                tracing::info!("{error}");
             }
+            done => return done,
         }
-        self.replace(&change(&snapshot)?)
+        self.in_turn(|| self.replace(&change(&*self.refresh()?)?))
+    }
+
+    /// Does `work`, which commits, while other writers wait.
+    fn in_turn<T>(&self, work: impl FnOnce() -> T) -> T {
+        self.take_turn();
+        let done = work();
+        self.end_turn();
+        done
+    }
+
+    /// Keeps other writers of the file waiting, for ten seconds at most, until
+    /// [`end_turn`](Self::end_turn).
+    pub(crate) fn take_turn(&self) {
+        // Waited for without the lock: others may read meanwhile.
+        let turn = Store::turn_for(&self.path);
+        self.stored().store.take_turn(turn);
+    }
+
+    /// Lets other writers go on.
+    pub(crate) fn end_turn(&self) {
+        self.stored().store.end_turn();
     }
 
     /// Forgets all generations but 0, the newest, those in `keep` and those where their lines part.

@@ -5,7 +5,7 @@ use crate::results::{SuiteResults, Variant};
 
 /// The meaning of the presets, methods and scores that the run has.
 pub(super) fn words(results: &SuiteResults) -> String {
-    const MEANINGS: [(&str, &str); 11] = [
+    const MEANINGS: [(&str, &str); 14] = [
         ("lttl", "preset: the recipe of the published benchmark"),
         ("default", "preset: what this project ships"),
         (
@@ -40,6 +40,18 @@ pub(super) fn words(results: &SuiteResults) -> String {
         (
             "likelihood",
             "score: how probable matches and misses are at this place",
+        ),
+        (
+            "tracked",
+            "score: what is believed after all images of the way so far, as with --track",
+        ),
+        (
+            "kidnapped",
+            "score: as tracked, of a robot that is carried elsewhere after every 25 images",
+        ),
+        (
+            "sequence",
+            "score: the likelihoods of the latest ten images along the route, as in SeqSLAM",
         ),
     ];
     const OF_MODELS: [(&str, &str); 8] = [

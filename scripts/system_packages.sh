@@ -62,6 +62,13 @@ want_browser() {
         say "no Chromium could be installed: the test that opens the report in a browser is skipped"
 }
 
+# Python 3.10 or later that can make environments: Debian keeps `venv` in a package of its own.
+need_python() {
+    if ! python3 -c 'import ensurepip, venv' >/dev/null 2>&1; then install_packages python3 python3-venv; fi
+    python3 -c 'import sys; sys.exit(sys.version_info < (3, 10))' ||
+        fail "this needs Python 3.10 or later, and python3 is $(python3 --version)"
+}
+
 need_rust() {
     command -v cargo >/dev/null ||
         fail "there is no cargo on the PATH; https://rustup.rs installs Rust"

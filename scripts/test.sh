@@ -71,6 +71,10 @@ for kernel in $(kernels); do
         -- simd matching localize learn </dev/null
 done
 
+# The same command as above, whose answers the package has to give bit for bit.
+say "python"
+CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope") bash scripts/python.sh
+
 # Last, because rerun takes minutes: no release, no debug information (crates/dashboard/Cargo.toml), and
 # no clippy, which would go through its 400 crates a second time. The evaluation with its feature
 # `dashboard` shares them (crates/dashboard/quick.toml): half a minute.

@@ -47,6 +47,9 @@ const UNSAFE_MODULE: &str = "crates/store/src/mapped.rs";
 /// And in which tests: one counts allocations, one is a file system for SQLite.
 const UNSAFE_TESTS: [&str; 2] = ["tests/allocation.rs", "tests/it/faulty_disk.rs"];
 
+/// Folders of sources beside the evaluation's.
+const FOLDERS: [&str; 6] = ["bindings", "src", "crates", "tests", "benches", "examples"];
+
 #[test]
 fn rooms_name_only_rooms_below_them() {
     let mut found = Vec::new();
@@ -171,7 +174,7 @@ fn a_forbidden_path_is_found() {
 #[test]
 fn unsafe_code_stands_where_it_is_named_only() {
     let mut num_inside = 0;
-    let others = ["crates", "eval/src", "tests", "benches", "examples"];
+    let others = ["bindings", "crates", "eval/src", "tests", "benches", "examples"];
     let others = others.into_iter().flat_map(rust_files);
     for (path, source) in library_files("src").into_iter().chain(others) {
         let num_unsafe = words(&blank(&source))
@@ -190,7 +193,7 @@ fn unsafe_code_stands_where_it_is_named_only() {
 #[test]
 fn every_file_says_first_what_it_is_for() {
     let mut found = Vec::new();
-    for folder in ["src", "crates", "eval/src", "tests", "benches", "examples"] {
+    for folder in FOLDERS.into_iter().chain(["eval/src"]) {
         for (path, source) in rust_files(folder) {
             let paragraph: Vec<&str> = (source.lines())
                 .map_while(|line| line.strip_prefix("//! "))
@@ -209,7 +212,7 @@ fn every_file_says_first_what_it_is_for() {
 #[test]
 fn every_lint_that_is_switched_off_says_why() {
     let mut found = Vec::new();
-    for folder in ["src", "crates", "eval", "tests", "benches", "examples"] {
+    for folder in FOLDERS.into_iter().chain(["eval"]) {
         for (path, source) in rust_files(folder) {
             let lines: Vec<&str> = source.lines().collect();
             for (at, line) in lines.iter().enumerate() {

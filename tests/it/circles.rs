@@ -16,7 +16,12 @@ use crate::source_text::{blank, library_files, without_tests};
 
 /// Folders of sources, and whether the test holds their crate to the rule; `crates` stands for the
 /// `src` of every crate in it.
-const ROOTS: [(&str, bool); 3] = [("eval/src", true), ("src", true), ("crates", true)];
+const ROOTS: [(&str, bool); 4] = [
+    ("bindings/python/src", true),
+    ("eval/src", true),
+    ("src", true),
+    ("crates", true),
+];
 
 /// The crates that `ROOTS` names, and whether each is held to the rule.
 fn crates() -> Vec<(String, bool)> {

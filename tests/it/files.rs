@@ -43,6 +43,7 @@ const WRITERS: [(&str, &str); 1] = [(
 
 fn sources() -> impl Iterator<Item = (String, String)> {
     let folders = [
+        "bindings/python/src",
         "src",
         "crates/cli/src",
         "crates/fremen/src",

@@ -1,0 +1,275 @@
+//! How is a map corrected, merged and taken back to what it was?
+//!
+//! The sentences of the commands `map merge`, `accept`, `drop`, `forget`, `edge`, `place` and
+//! `calibrate`, for the methods of `Map`.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::sync::Arc;
+
+use chronotope::learn::{self, LearnConfig, Learner, forget_session};
+use chronotope::localize::{ATTACHMENT, Localizer, LocalizerConfig};
+use chronotope::map::{
+    Edge, Generation, Map, PlaceKey, Quarantine, QuarantinedVisit, SessionId, Snapshot, VisitId,
+};
+use chronotope::time::Period;
+use chronotope::{Error, ErrorKind, Result};
+
+/// The place that is called so, however its letters are composed.
+pub(crate) fn known_or_written(map: &Snapshot, text: &str) -> Result<PlaceKey> {
+    let as_it_is = PlaceKey::new(text)?;
+    match map.find(&as_it_is) {
+        Some(_) => Ok(as_it_is),
+        None => PlaceKey::written(text),
+    }
+}
+
+/// Merges maps and writes the result as a new one.
+pub(crate) fn merge(
+    maps: &[(std::path::PathBuf, Arc<Snapshot>)],
+    out: &Path,
+    is_disjoint: bool,
+    relearn: Option<LearnConfig>,
+) -> Result<Map> {
+    refuse_existing(out)?;
+    let snapshots: Vec<&Snapshot> = maps.iter().map(|(_, map)| &**map).collect();
+    if !is_disjoint {
+        refuse_strangers(maps, &snapshots)?;
+    }
+    let mut merged = learn::merge(&snapshots)?;
+    if let Some(cfg) = relearn {
+        merged = learn::relearn(cfg, &merged)?;
+    }
+    Map::create_from(out, &merged).map_err(never_overwritten)
+}
+
+pub(crate) fn refuse_existing(map: &Path) -> Result<()> {
+    if std::fs::symlink_metadata(map).is_err() {
+        return Ok(());
+    }
+    let error = Error::new(ErrorKind::AlreadyExists, "this file exists already");
+    Err(never_overwritten(error.with_path(map)))
+}
+
+pub(crate) fn never_overwritten(error: Error) -> Error {
+    error.with_help("a map is never overwritten: choose another name or remove it")
+}
+
+/// Maps that have nothing in common, along any chain, are of different places or a mistake.
+fn refuse_strangers(
+    maps: &[(std::path::PathBuf, Arc<Snapshot>)],
+    snapshots: &[&Snapshot],
+) -> Result<()> {
+    let cfg = LearnConfig::default();
+    let (mut related, mut strangers) = (vec![0], (1..maps.len()).collect::<Vec<_>>());
+    let mut next = 0;
+    while let Some(&known) = related.get(next) {
+        let (found, left): (Vec<usize>, Vec<usize>) = (strangers.iter())
+            .partition(|&&at| learn::have_in_common(&cfg, snapshots[known], snapshots[at]));
+        related.extend(found);
+        strangers = left;
+        next += 1;
+    }
+    let Some(&stranger) = strangers.first() else {
+        return Ok(());
+    };
+    let message = format!(
+        "this map has nothing in common with {}: no visit, and no place of one name that looks \
+         alike",
+        maps[0].0.display()
+    );
+    Err(Error::new(ErrorKind::Config, message)
+        .with_path(&maps[stranger].0)
+        .with_help("disjoint=True merges maps of different places"))
+}
+
+/// The visits that are held and meant; all of them if none is named.
+pub(crate) fn held_ids(map: &Map, ids: Option<&[String]>) -> Result<Vec<VisitId>> {
+    let held = Quarantine::of(&map.snapshot()).map_err(|error| error.with_path(map.path()))?;
+    let Some(ids) = ids else {
+        return Ok(held.visits().iter().map(|it| it.id).collect());
+    };
+    let mut found = Vec::new();
+    for text in ids {
+        let id = one(held.visits(), text).map_err(|error| error.with_path(map.path()))?;
+        if !found.contains(&id) {
+            found.push(id);
+        }
+    }
+    Ok(found)
+}
+
+/// The one visit whose identity begins like this.
+fn one(held: &[QuarantinedVisit], text: &str) -> Result<VisitId> {
+    let text = text.to_lowercase();
+    let mut found = (held.iter()).filter(|it| it.id.to_string().starts_with(&text));
+    let (kind, message) = match (found.next(), found.next()) {
+        (Some(it), None) => return Ok(it.id),
+        (Some(_), Some(_)) => (
+            ErrorKind::Config,
+            format!("several visits begin with `{text}`"),
+        ),
+        (None, _) => (
+            ErrorKind::NotFound,
+            format!("no visit that is held begins with `{text}`"),
+        ),
+    };
+    Err(Error::new(kind, message).with_help("map.held() lists the visits"))
+}
+
+pub(crate) fn accept(map: &Map, ids: &[VisitId], cfg: &LearnConfig) -> Result<u64> {
+    map.update(|snapshot| {
+        let mut learner = Learner::resume(cfg.clone(), snapshot.clone())?;
+        for &id in ids {
+            learner.accept(id)?;
+        }
+        Ok(Snapshot::clone(&*learner.snapshot()?))
+    })
+}
+
+pub(crate) fn drop_held(map: &Map, ids: &[VisitId]) -> Result<u64> {
+    map.update(|snapshot| {
+        let mut snapshot = snapshot.clone();
+        let mut held = Quarantine::of(&snapshot)?;
+        for &id in ids {
+            held.take(id);
+        }
+        held.attach(&mut snapshot)?;
+        Ok(snapshot)
+    })
+}
+
+/// Takes back all visits of a run, and says how many.
+pub(crate) fn forget(map: &Map, session: &str) -> Result<usize> {
+    let session = session_of(&map.snapshot(), session);
+    let mut num_visits = 0;
+    map.update(|snapshot| {
+        let (forgotten, num_forgotten) = forget_session(snapshot, session)?;
+        num_visits = num_forgotten;
+        Ok(forgotten)
+    })
+    .map_err(|error| error.with_path(map.path()))?;
+    Ok(num_visits)
+}
+
+/// The session with this UUID, if the map has one, else the one derived from this name.
+fn session_of(snapshot: &Snapshot, text: &str) -> SessionId {
+    let digits: String = text.chars().filter(|&c| c != '-').collect();
+    let named = SessionId::derive(text);
+    let uuid = (digits.len() == 32)
+        .then(|| u128::from_str_radix(&digits, 16).ok())
+        .flatten();
+    let is_known = |session: SessionId| {
+        let mut visits = snapshot.nodes.iter().flat_map(|node| &node.visits);
+        visits.any(|visit| visit.session == session)
+    };
+    match uuid.map(SessionId) {
+        Some(session) if !is_known(named) => session,
+        _ => named,
+    }
+}
+
+pub(crate) fn add_edge(map: &Map, from: &str, to: &str, name: &str) -> Result<u64> {
+    map.update(|snapshot| {
+        let mut snapshot = snapshot.clone();
+        snapshot.add_edge(Edge {
+            from: PlaceKey::written(from)?,
+            to: PlaceKey::written(to)?,
+            name: name.to_owned(),
+        })?;
+        Ok(snapshot)
+    })
+    .map_err(|error| error.with_path(map.path()))
+}
+
+pub(crate) fn remove_edge(map: &Map, from: &str, to: &str, name: Option<&str>) -> Result<u64> {
+    map.update(|snapshot| {
+        let mut snapshot = snapshot.clone();
+        let (from, to) = (PlaceKey::written(from)?, PlaceKey::written(to)?);
+        let num_before = snapshot.edges.len();
+        snapshot.edges.retain(|edge| {
+            let is_meant = (&edge.from, &edge.to) == (&from, &to);
+            !(is_meant && name.is_none_or(|name| name == edge.name))
+        });
+        if snapshot.edges.len() == num_before {
+            let what = format!("there is no such edge from `{from}` to `{to}`");
+            return Err(Error::new(ErrorKind::NotFound, what).with_help("map.edges shows all"));
+        }
+        Ok(snapshot)
+    })
+    .map_err(|error| error.with_path(map.path()))
+}
+
+/// What is done to a place by hand.
+pub(crate) enum Correction<'a> {
+    Rename {
+        to: &'a str,
+    },
+    Remove,
+    /// The visits of the other become visits of this one.
+    Join {
+        other: &'a str,
+    },
+}
+
+pub(crate) fn correct(map: &Map, place: &str, correction: &Correction<'_>) -> Result<u64> {
+    map.update(|snapshot| {
+        let place = known_or_written(snapshot, place)?;
+        match correction {
+            Correction::Rename { to } => {
+                learn::rename_place(snapshot, &place, &PlaceKey::written(to)?)
+            }
+            Correction::Remove => learn::remove_place(snapshot, &place),
+            Correction::Join { other } => {
+                learn::join_places(snapshot, &place, &known_or_written(snapshot, other)?)
+            }
+        }
+    })
+    .map_err(|error| error.with_path(map.path()))
+}
+
+/// Keeps with the map what matches in it are worth; says on how many images, or nothing if it was
+/// known.
+pub(crate) fn calibrate(map: &Map, cfg: LocalizerConfig) -> Result<Option<usize>> {
+    let snapshot = map.snapshot();
+    let localizer =
+        Localizer::new(Arc::clone(&snapshot), cfg).map_err(|error| error.with_path(map.path()))?;
+    let (Some(calibration), Some(bytes)) = (localizer.calibration(), localizer.to_attachment()?)
+    else {
+        let error = Error::new(ErrorKind::Config, "this configuration calibrates nothing");
+        return Err(error
+            .with_path(map.path())
+            .with_help("set config={\"calibrated\": True}"));
+    };
+    if snapshot.attachments.get(ATTACHMENT) == Some(&bytes) {
+        return Ok(None);
+    }
+    map.update(|snapshot| {
+        let mut next = Snapshot::clone(snapshot);
+        let bytes = Arc::clone(&bytes);
+        next.attachments.insert(ATTACHMENT.to_owned(), bytes);
+        Ok(next)
+    })?;
+    Ok(Some(calibration.num_images()))
+}
+
+/// The generations that stay when a map is pruned.
+pub(crate) fn kept(
+    generations: &[Generation],
+    keep_last: usize,
+    keep_daily: bool,
+    keep: &[u64],
+) -> BTreeSet<u64> {
+    let mut kept: BTreeSet<u64> = keep.iter().copied().collect();
+    kept.extend(generations.first().map(|it| it.number));
+    let last = generations.iter().rev().take(keep_last.max(1));
+    kept.extend(last.map(|it| it.number));
+    if keep_daily {
+        let day = |it: &Generation| it.time.as_us().div_euclid(Period::DAY.as_us());
+        // The last one of a day replaces those before it.
+        let last_of_day: BTreeMap<i64, u64> =
+            generations.iter().map(|it| (day(it), it.number)).collect();
+        kept.extend(last_of_day.into_values());
+    }
+    kept
+}

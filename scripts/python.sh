@@ -1,0 +1,62 @@
+#!/usr/bin/env bash
+# Builds the Python package in a throw-away environment and tests it: the wheel, `pip install .`, the
+# committed stub, types, docstrings, tests, notebooks. Needs Rust, a C compiler and python3 (with venv,
+# installed through apt-get where missing); everything else comes from PyPI into the environment.
+# CHRONOTOPE_COMMAND names the command that answers are compared with; it is built otherwise.
+# CHRONOTOPE_DATA adds the tests on real data.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+. scripts/system_packages.sh
+
+package=bindings/python
+need_rust
+need_c_compiler
+need_python
+
+environment=$(mktemp -d)
+trap 'rm -rf "$environment"' EXIT
+
+say "python: an environment with what is needed to build and to test"
+python3 -m venv "$environment/build"
+python=$environment/build/bin/python
+"$python" -m pip install --quiet --disable-pip-version-check -r $package/requirements-test.txt
+
+if [ -z "${CHRONOTOPE_COMMAND:-}" ]; then
+    say "python: the command to compare with"
+    cargo build --locked -p chronotope-cli
+    CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope")
+fi
+export CHRONOTOPE_COMMAND
+
+say "python: fmt, clippy"
+cargo fmt --manifest-path $package/Cargo.toml --all --check
+PYO3_PYTHON=$python cargo clippy --locked --release --manifest-path $package/Cargo.toml -- -D warnings
+
+say "python: the wheel, with its stub"
+(cd $package && "$environment/build/bin/maturin" build --quiet --release --locked \
+    --generate-stubs --out "$environment/wheels")
+git diff --exit-code -- $package/python/chronotope/_chronotope.pyi ||
+    fail "the committed stub is not the generated one: commit $package/python/chronotope/_chronotope.pyi"
+wheel=$(ls "$environment"/wheels/*.whl)
+num_bytes=$(stat -c %s "$wheel")
+echo "$(basename "$wheel"): $num_bytes bytes"
+[ "$num_bytes" -le 8000000 ] || fail "the wheel is larger than 8 MB"
+"$python" -m pip install --quiet --disable-pip-version-check --no-deps "$wheel"
+
+say "python: pip install . in a fresh environment, with numpy and nothing else"
+python3 -m venv "$environment/fresh"
+"$environment/fresh/bin/python" -m pip install --quiet --disable-pip-version-check ./$package
+(cd "$environment" && fresh/bin/python -c 'import chronotope; print(repr(chronotope.Street(num_places=1)))')
+"$environment/fresh/bin/python" -m pip list --disable-pip-version-check --format freeze | sort
+
+say "python: types"
+(cd $package && "$python" -m mypy examples python/chronotope)
+"$python" -m mypy.stubtest chronotope --allowlist $package/stubtest-allowlist.txt
+
+say "python: tests"
+(cd $package && "$python" -m pytest --quiet -p no:cacheprovider)
+
+say "python: notebooks"
+"$python" $package/notebooks/run.py --out "$environment/notebooks"
+
+say "python: done"

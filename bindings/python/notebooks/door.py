@@ -97,8 +97,8 @@ for row in surprises[:: max(len(surprises) // 4, 1)][:4]:
 # ## What a Python user would pick
 #
 # Each learns from the same samples and predicts p(t) for the same times. None is tuned on the test weeks: the
-# seasonal mean takes hours of the week, smoothed by one pseudo-count; the harmonic regression is a binomial
-# GLM with six harmonics of a day and six of a week; the booster has hour of day, day of week, hour of week and
+# seasonal mean takes hours of the week, smoothed by one pseudo-count; the harmonic regression is
+# least squares on six harmonics of a day and six of a week; the booster has hour of day, day of week, hour of week and
 # day of year as features, with scikit-learn's defaults.
 
 # %%
@@ -120,24 +120,22 @@ class SeasonalMean:
 
 
 class HarmonicRegression:
-    """A binomial GLM on harmonics of day and week, by statsmodels."""
+    """Least squares on harmonics of day and week, by statsmodels; predictions are cut to [0, 1]."""
 
     def _features(self, times):
         columns = [np.ones(len(times))]
         for base, count in ((86_400, 6), (604_800, 6)):
             for k in range(1, count + 1):
-                angle = 2 * np.pi * k * times / base
+                angle = 2 * np.pi * k * (times % base) / base
                 columns += [np.cos(angle), np.sin(angle)]
         return np.stack(columns, axis=1)
 
     def fit(self, times, states):
-        model = sm.GLM(states.astype(float), self._features(times), family=sm.families.Binomial())
-        # A ridge of its own, or states that a rhythm separates have no finite fit.
-        self.result_ = model.fit_regularized(alpha=1e-4, L1_wt=0.0)
+        self.result_ = sm.OLS(states.astype(float), self._features(times)).fit()
         return self
 
     def p(self, times):
-        return self.result_.predict(self._features(times))
+        return self.result_.predict(self._features(times)).clip(0, 1)
 
 
 class Boosting:
@@ -158,7 +156,7 @@ class Boosting:
 RIVALS = {
     "FreMEn": Fremen,
     "seasonal mean": SeasonalMean,
-    "harmonic GLM": HarmonicRegression,
+    "harmonics": HarmonicRegression,
     "boosting": Boosting,
     "mean": series.Mean,
 }

@@ -56,7 +56,8 @@ python3 -m venv "$environment/fresh"
 
 say "python: types"
 (cd $package && "$python" -m mypy examples python/chronotope)
-(cd "$environment" && "$python" -m mypy.stubtest chronotope --ignore-missing-stub)
+(cd "$environment" && "$python" -m mypy.stubtest chronotope \
+    --mypy-config-file "$OLDPWD/$package/pyproject.toml")
 
 say "python: tests"
 (cd $package && "$python" -m pytest --quiet -p no:cacheprovider)

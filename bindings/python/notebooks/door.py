@@ -210,7 +210,7 @@ def compare(name, sets, share, num_draws=5):
     for rival in list(RIVALS)[1:]:
         (a, n), (b, _) = scores[rival], scores["FreMEn"]
         difference, low, high = interval((a - b, n))
-        verdict = "worse" if low > 0 else "better" if high < 0 else "no different"
+        verdict = "worse" if low > 0 else "better" if high < 0 else "not told apart"
         print(f"  {rival:14} minus FreMEn: {difference:+.4f} [{low:+.4f}, {high:+.4f}], {verdict}")
     return {rival: interval(days) for rival, days in scores.items()}
 

@@ -12,6 +12,10 @@ want_browser
 
 log=${CARGO_TARGET_DIR:-target}/test.log
 mkdir -p "$(dirname "$log")"
+# Tests that could not do what they are there for (no rights, no strace) say so here.
+CHRONOTOPE_SKIPS=$(realpath "$(dirname "$log")")/test.skips
+export CHRONOTOPE_SKIPS
+: >"$CHRONOTOPE_SKIPS"
 
 # Kernels that this processor can run, as src/simd finds out; the name is that of CHRONOTOPE_KERNEL.
 kernels() {
@@ -87,6 +91,10 @@ CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope") \
 say "done"
 # tests/it/architecture.rs sees to it that tests on real data, and no others, have such names.
 num_real=$(grep -cE '^test (.*::)?real_data_.* \.\.\. ok$' "$log" || true)
+if [ -s "$CHRONOTOPE_SKIPS" ]; then
+    echo "skipped: $(wc -l <"$CHRONOTOPE_SKIPS") tests that passed did nothing:"
+    sort "$CHRONOTOPE_SKIPS" | uniq -c
+fi
 command -v chromium chromium-browser google-chrome >/dev/null ||
     echo "browser: skipped, the report was opened in none"
 if [ -n "${CHRONOTOPE_DATA:-}" ]; then

@@ -18,13 +18,29 @@ impl Dataset {
             return self;
         }
         for entry in &mut self.entries {
-            entry.source = Arc::new(Adjusted {
-                inner: Arc::clone(&entry.source),
-                options: *options,
-            });
+            entry.source = adjusted(Arc::clone(&entry.source), *options);
         }
         self
     }
+}
+
+/// The factor by which an image of one size becomes one of another, if both have the same shape.
+///
+/// This is the rule for another camera's images: they are scaled if nothing is cut off or squeezed
+/// by it, to the pixel.
+pub fn scale_between(from: (u32, u32), to: (u32, u32)) -> Option<f64> {
+    let fits = |scale: &f64| {
+        let side = |px: u32| (f64::from(px) * scale).round_ties_even() as u32;
+        (side(from.0), side(from.1)) == to
+    };
+    let factors =
+        [(to.0, from.0), (to.1, from.1)].map(|(to, from)| f64::from(to) / f64::from(from));
+    factors.into_iter().find(fits)
+}
+
+/// An image that is changed once more.
+pub(super) fn adjusted(inner: Arc<dyn ImageSource>, options: LoadOptions) -> Arc<dyn ImageSource> {
+    Arc::new(Adjusted { inner, options })
 }
 
 struct Adjusted {
@@ -77,5 +93,22 @@ impl ImageSource for Adjusted {
         let inner = self.inner.recipe();
         let between = if inner.is_empty() { "" } else { ", then " };
         format!("{inner}{between}{}", self.options)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_of_one_shape_are_scaled_and_others_are_not() {
+        assert_eq!(scale_between((1280, 960), (640, 480)), Some(0.5));
+        assert_eq!(scale_between((320, 240), (640, 480)), Some(2.0));
+        assert_eq!(
+            scale_between((1365, 768), (1024, 576)),
+            Some(1024.0 / 1365.0)
+        );
+        assert_eq!(scale_between((480, 640), (640, 480)), None);
+        assert_eq!(scale_between((640, 480), (640, 360)), None);
     }
 }

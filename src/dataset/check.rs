@@ -12,7 +12,7 @@ use sha2::{Digest, Sha256};
 use super::doubt::{look, most_common, problem_of};
 use super::manifest::Manifest;
 use super::paths::{file_sha256, hex, relative};
-use super::table::read_text;
+use super::table::{MAX_TABLE_BYTES, read_text};
 use super::types::{Clock, Dataset, ImageSource, Problem};
 use crate::feature::{Extractor, GrayImage, PixelDigest};
 use crate::map::PlaceKey;
@@ -180,7 +180,11 @@ fn check(
     options: &CheckOptions,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> CheckReport {
-    let decoded = decode(dataset, options, progress);
+    // Of an image of another size than most features are not looked for, however large it is.
+    let usual = options.now.and_then(|_| {
+        (dataset.image_size).or_else(|| most_common(dataset.sizes().iter().flatten()))
+    });
+    let decoded = decode(dataset, options, usual, progress);
     let mut problems = dataset.problems.clone();
     let mut places: BTreeMap<PlaceKey, PlaceSummary> = BTreeMap::new();
     let mut visits: BTreeMap<Time, usize> = BTreeMap::new();
@@ -190,9 +194,7 @@ fn check(
         Some(now) => {
             let size = |one: &Result<Decoded>| one.as_ref().ok().map(|it| it.size);
             let sizes: Vec<_> = decoded.iter().map(size).collect();
-            let usual = dataset
-                .image_size
-                .or_else(|| most_common(sizes.iter().flatten()));
+            let usual = usual.or_else(|| most_common(sizes.iter().flatten()));
             dataset.doubts(Some(now), &sizes, usual)
         }
         None => vec![None; decoded.len()],
@@ -218,7 +220,13 @@ fn check(
                     .or_default()
                     .push(entry.id.clone());
             }
-            Err(error) => problems.push(problem_of(entry, error.to_string())),
+            Err(error) => {
+                let problem = Problem::of(&entry.id, error);
+                problems.push(match entry.source.path() {
+                    Some(path) => problem.with_file(path),
+                    None => problem,
+                });
+            }
         }
     }
     let num_distinct = identical.len();
@@ -262,6 +270,7 @@ struct Decoded {
 fn decode(
     dataset: &Dataset,
     options: &CheckOptions,
+    usual: Option<(u32, u32)>,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Vec<Result<Decoded>> {
     let mut groups: BTreeMap<PathBuf, Vec<usize>> = BTreeMap::new();
@@ -277,6 +286,7 @@ fn decode(
     let look = |source: &dyn ImageSource, image: GrayImage| -> Result<Decoded> {
         let mask = source.mask(image.width(), image.height())?;
         let doubt = match &options.features {
+            Some(_) if usual.is_some_and(|usual| usual != image.size()) => None,
             Some((extractor, least)) => look(&image, mask.as_ref(), &**extractor, *least)?,
             None => None,
         };
@@ -401,10 +411,10 @@ fn verify(
 
 /// File name to digest; empty if there is no such file.
 fn read_sums(path: &Path) -> Result<BTreeMap<String, String>> {
-    if !path.is_file() {
+    if !path.exists() {
         return Ok(BTreeMap::new());
     }
-    let text = read_text(path)?;
+    let text = read_text(path, MAX_TABLE_BYTES)?;
     let mut sums = BTreeMap::new();
     for (position, line) in text.lines().enumerate() {
         let parsed = line

@@ -7,15 +7,16 @@
 //!   most of whose times are like that nothing is said: it counts time in its own way, or this
 //!   machine's clock is wrong;
 //! - its size: one map has images of one size, that of the manifest or else of most images, not
-//!   that of the first one;
+//!   that of the first one; those of its shape are scaled to it, others are left out;
 //! - what there is to see: an image with hardly a feature is black, covered or blurred.
 
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
+use super::adjusted::{adjusted, scale_between};
 use super::types::{Clock, Dataset, Entry, Problem};
-use crate::feature::{Extractor, GrayImage};
+use crate::feature::{Extractor, GrayImage, LoadOptions};
 use fremen::error::Result;
 use fremen::time::Time;
 
@@ -33,27 +34,40 @@ type Size = (u32, u32);
 
 impl Dataset {
     /// Moves the entries whose time (if it is known what time it is) or size cannot be right to the
-    /// problems; `size` is what images must have, if that is known. Gives the size that is left.
+    /// problems, and has those scaled whose images only have another resolution; `size` is what
+    /// images must have, if that is known. Gives the size that is left, and how many are scaled.
     ///
     /// Sizes are read from the files' headers. O(entries).
-    pub fn set_aside(&mut self, now: Option<Time>, size: Option<(u32, u32)>) -> Option<(u32, u32)> {
+    pub fn set_aside(
+        &mut self,
+        now: Option<Time>,
+        size: Option<(u32, u32)>,
+    ) -> (Option<(u32, u32)>, usize) {
         let sizes = self.sizes();
         let usual = size
             .or(self.image_size)
             .or_else(|| most_common(sizes.iter().flatten()));
         let doubts = self.doubts(now, &sizes, usual);
         let entries = std::mem::take(&mut self.entries);
-        for (entry, doubt) in entries.into_iter().zip(doubts) {
-            match doubt {
-                None => self.entries.push(entry),
-                Some(message) => self.problems.push(problem_of(&entry, message)),
+        let mut num_scaled = 0;
+        for ((mut entry, doubt), size) in entries.into_iter().zip(doubts).zip(sizes) {
+            if let Some(message) = doubt {
+                self.problems.push(problem_of(&entry, message));
+                continue;
             }
+            let scale = size.zip(usual).filter(|(size, usual)| size != usual);
+            if let Some(scale) = scale.and_then(|(size, usual)| scale_between(size, usual)) {
+                let options = LoadOptions::default().with_scale(scale);
+                entry.source = adjusted(entry.source, options);
+                num_scaled += 1;
+            }
+            self.entries.push(entry);
         }
-        usual
+        (usual, num_scaled)
     }
 
     /// Of every entry the size that its file's header says, where it can be read.
-    fn sizes(&self) -> Vec<Option<Size>> {
+    pub(super) fn sizes(&self) -> Vec<Option<Size>> {
         (self.entries.par_iter())
             .map(|entry| entry.source.size().ok().flatten())
             .collect()
@@ -130,7 +144,7 @@ impl Clocks {
 
 /// What speaks against an image of this size among images of another one.
 fn size_doubt(size: Size, usual: Size) -> Option<String> {
-    (size != usual).then(|| {
+    (size != usual && scale_between(size, usual).is_none()).then(|| {
         format!(
             "the image has {} x {} px, but the map's images have {} x {} px (help: turn, crop or \
              scale it to that size, or make a map of its own for this camera)",

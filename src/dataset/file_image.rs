@@ -2,12 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use image::ImageDecoder;
-use image::metadata::Orientation;
-
 use super::types::ImageSource;
-use crate::feature::{DecodeLimits, GrayImage, LoadOptions, Rect, Rotation, load_gray};
-use fremen::error::{Error, ErrorKind, Result};
+use crate::feature::{
+    DecodeLimits, GrayImage, LoadOptions, Rect, Rotation, load_gray, picture_size,
+};
+use fremen::error::Result;
 
 /// An image file that is turned, of which a rectangle is then cut out and resized.
 ///
@@ -87,36 +86,6 @@ impl FileImage {
     pub fn file(&self) -> &Path {
         &self.path
     }
-
-    /// Width and height in pixels of the whole upright picture, from the file's header alone.
-    pub(super) fn picture_size(path: &Path) -> Result<(u32, u32)> {
-        let unreadable = |cause: image::ImageError| {
-            Error::new(
-                ErrorKind::Format,
-                format!("this is no readable image: {cause}"),
-            )
-            .with_path(path)
-            .with_help("replace the file by a readable image or remove its row")
-        };
-        let mut decoder = image::ImageReader::open(path)
-            .and_then(image::ImageReader::with_guessed_format)
-            .map_err(|cause| Error::io(path, cause))?
-            .into_decoder()
-            .map_err(unreadable)?;
-        let (width, height) = decoder.dimensions();
-        let on_its_side = matches!(
-            decoder.orientation().map_err(unreadable)?,
-            Orientation::Rotate90
-                | Orientation::Rotate270
-                | Orientation::Rotate90FlipH
-                | Orientation::Rotate270FlipH
-        );
-        Ok(if on_its_side {
-            (height, width)
-        } else {
-            (width, height)
-        })
-    }
 }
 
 impl ImageSource for FileImage {
@@ -133,13 +102,9 @@ impl ImageSource for FileImage {
     }
 
     fn size(&self) -> Result<Option<(u32, u32)>> {
-        // A pipe can be read only once.
-        if !std::fs::metadata(&self.path).is_ok_and(|file| file.is_file()) {
-            return Ok(None);
-        }
         let whole = match self.crop {
             Some(_) => (0, 0),
-            None => Self::picture_size(&self.path)?,
+            None => picture_size(&self.path, &self.limits)?,
         };
         Ok(Some(self.options().size_of(whole)))
     }

@@ -85,7 +85,7 @@ impl Manifest {
             return Ok((manifest, data_dir));
         }
         let inside = path.join(FOLDER_MANIFEST);
-        if inside.is_file() {
+        if inside.exists() {
             let manifest = Self::load(&inside)?;
             let data_dir = manifest
                 .data

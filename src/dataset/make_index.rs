@@ -17,7 +17,7 @@ use std::path::Path;
 use super::capture::exif_time;
 use super::file_name::{Moment, NamePattern};
 use super::paths::{image_rank, list, name_of, relative, stem_of};
-use super::table::read_text;
+use super::table::{MAX_TABLE_BYTES, read_text};
 use super::types::Problem;
 use crate::map::PlaceKey;
 use fremen::error::{Error, ErrorKind, Result};
@@ -305,7 +305,7 @@ fn robotcar(dir: &Path) -> Result<Way> {
     let poses = ["gps/ins.csv", "ins.csv"].map(|name| dir.join(name));
     let [first, second] = &poses;
     let path = if first.is_file() { first } else { second };
-    let text = read_text(path)?;
+    let text = read_text(path, MAX_TABLE_BYTES)?;
     let header = text.lines().next().unwrap_or_default();
     let column = |name: &str| {
         header
@@ -340,7 +340,7 @@ fn robotcar(dir: &Path) -> Result<Way> {
 fn tum(dir: &Path) -> Result<Way> {
     let read = |name: &str| {
         let path = dir.join(name);
-        read_text(&path).map(|text| (path, text))
+        read_text(&path, MAX_TABLE_BYTES).map(|text| (path, text))
     };
     let (path, text) = read("groundtruth.txt")?;
     let poses = rows(&path, &text, ' ', 0, |cells| {
@@ -363,7 +363,7 @@ fn euroc(dir: &Path) -> Result<Way> {
     };
     let read = |name: &str| {
         let path = dir.join(name);
-        read_text(&path).map(|text| (path, text))
+        read_text(&path, MAX_TABLE_BYTES).map(|text| (path, text))
     };
     let (path, text) = read("state_groundtruth_estimate0/data.csv")?;
     let poses = rows(&path, &text, ',', 0, |cells| {

@@ -20,6 +20,9 @@ use crate::map::PlaceKey;
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::{Period, Time, Zone};
 
+/// Bytes of a manifest, at most.
+const MAX_BYTES: u64 = 1 << 20;
+
 const BUILTIN: [(&str, &str); 8] = [
     (
         "datasets/stromovka.toml",
@@ -308,7 +311,7 @@ pub struct Checksums {
 impl Manifest {
     /// Reads and checks a manifest file.
     pub fn load(path: &Path) -> Result<Self> {
-        Self::parse(&table::read_text(path)?, path)
+        Self::parse(&table::read_text(path, MAX_BYTES)?, path)
     }
 
     /// The manifest of a supported dataset by its name or another name it has.

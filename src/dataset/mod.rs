@@ -27,6 +27,7 @@ mod types;
 
 pub mod synthetic;
 
+pub use adjusted::scale_between;
 pub use capture::exif_time;
 pub use check::{CheckOptions, CheckReport, PlaceSummary, SizeCount};
 pub use doubt::blind_doubt;

@@ -64,7 +64,7 @@ pub(super) fn list(dir: &Path) -> Result<Vec<PathBuf>> {
 /// SHA-256 of a file's bytes in hexadecimal.
 pub(super) fn file_sha256(path: &Path) -> Result<String> {
     let io = |cause: std::io::Error| Error::io(path, cause);
-    let mut file = std::fs::File::open(path).map_err(io)?;
+    let mut file = fremen::file::open(path)?;
     let mut hasher = Sha256::new();
     let mut buffer = vec![0; 1 << 16];
     loop {

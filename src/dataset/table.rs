@@ -9,6 +9,11 @@ use std::str::FromStr;
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::series::line_of_record;
 
+/// Bytes of a table, at most.
+pub(super) const MAX_TABLE_BYTES: u64 = 1 << 28;
+/// Rows of a table, at most: with what is made of them they take some 300 MB.
+const MAX_ROWS: usize = 500_000;
+
 pub(super) struct Table {
     path: PathBuf,
     columns: Vec<String>,
@@ -23,7 +28,18 @@ pub(super) struct Row {
 impl Table {
     /// Reads the whole file; `required` and `optional` are the only columns it may have.
     pub(super) fn read(path: &Path, required: &[&str], optional: &[&str]) -> Result<Self> {
-        let text = read_text(path)?;
+        Self::read_where(path, required, optional, "", &|_| true)
+    }
+
+    /// [`read`](Self::read) of the rows whose cell in `column` is wanted.
+    pub(super) fn read_where(
+        path: &Path,
+        required: &[&str],
+        optional: &[&str],
+        column: &str,
+        is_wanted: &dyn Fn(&str) -> bool,
+    ) -> Result<Self> {
+        let text = read_text(path, MAX_TABLE_BYTES)?;
         let mut reader = csv::ReaderBuilder::new()
             .trim(csv::Trim::All)
             .from_reader(text.as_bytes());
@@ -35,8 +51,23 @@ impl Table {
             .collect();
         check_header(path, &columns, required, optional)?;
         let mut rows = Vec::new();
-        for record in reader.records() {
-            let record = record.map_err(|cause| csv_error(path, &cause))?;
+        let wanted = columns.iter().position(|name| name == column);
+        let mut record = csv::StringRecord::new();
+        while (reader.read_record(&mut record)).map_err(|cause| csv_error(path, &cause))? {
+            let cell = wanted.and_then(|wanted| record.get(wanted));
+            if !cell.is_none_or(is_wanted) {
+                continue;
+            }
+            if rows.len() == MAX_ROWS {
+                let message = format!("there are more than {MAX_ROWS} rows");
+                return Err(Error::new(ErrorKind::Format, message)
+                    .with_path(path)
+                    .with_place(format!(
+                        "line {}",
+                        line_of_record(text.as_bytes(), &record, None)
+                    ))
+                    .with_help("split the file, and learn one part after the other"));
+            }
             rows.push(Row {
                 line: line_of_record(text.as_bytes(), &record, None),
                 cells: record.iter().map(str::to_owned).collect(),
@@ -113,9 +144,9 @@ impl Table {
     }
 }
 
-/// The file's UTF-8 text without a byte order mark.
-pub(super) fn read_text(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path).map_err(|cause| Error::io(path, cause))?;
+/// The file's UTF-8 text without a byte order mark; an error if it has more than `max_bytes`.
+pub(super) fn read_text(path: &Path, max_bytes: u64) -> Result<String> {
+    let bytes = fremen::file::read(path, max_bytes)?;
     let text = String::from_utf8(bytes).map_err(|cause| {
         let line = line_at(cause.as_bytes(), cause.utf8_error().valid_up_to());
         Error::new(ErrorKind::Format, "the text is not UTF-8")

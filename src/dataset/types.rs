@@ -1,6 +1,6 @@
 //! What is a dataset: images of places with their times?
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 use super::paths::hex;
 use crate::feature::{DecodeLimits, GrayImage};
 use crate::map::{Edge, PlaceKey};
-use fremen::error::Result;
+use fremen::error::{Error, Result};
 use fremen::time::{Time, Zone};
 
 /// Something that yields the grey image of one entry: a file cut and scaled by us, or a rendering.
@@ -113,6 +113,18 @@ impl Problem {
         }
     }
 
+    /// `subject` is left out because of `error`, whose file is not named a second time.
+    pub fn of(subject: impl Into<String>, error: Error) -> Self {
+        let subject = subject.into();
+        let is_named = error.path().is_some_and(|path| path.ends_with(&subject));
+        let message = if is_named {
+            error.without_path().to_string()
+        } else {
+            error.to_string()
+        };
+        Self::new(subject, message)
+    }
+
     /// It concerns this image file.
     #[must_use]
     pub fn with_file(mut self, file: impl Into<PathBuf>) -> Self {
@@ -154,6 +166,10 @@ pub struct ReadOptions {
     pub zone: Option<Zone>,
     /// What is too big to decode.
     pub limits: DecodeLimits,
+    /// Of an index only rows of files with these names matter, in whichever folder; the others are
+    /// passed over, right or wrong. So a few images under a large index are found in the time that
+    /// reading its bytes takes.
+    pub only: Option<Arc<BTreeSet<String>>>,
 }
 
 impl Dataset {

@@ -21,12 +21,11 @@
 //! Not for: colour, more than 8 bits, floating-point images, raw camera formats.
 
 use std::fmt;
-use std::fs;
-use std::io::{self, Cursor, Read};
+use std::io::{self, Cursor};
 use std::path::Path;
 
 use image::metadata::Orientation;
-use image::{DynamicImage, ImageDecoder, ImageError, ImageReader};
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
 use serde::{Deserialize, Serialize};
 
 use super::luma::luma;
@@ -43,10 +42,14 @@ pub struct DecodeLimits {
 }
 
 impl Default for DecodeLimits {
-    /// 64 million pixels, 512 MiB of file.
+    /// 25 million pixels, 512 MiB of file.
+    ///
+    /// Decoding takes at most 12 bytes a pixel beside the file, and looking for features 21
+    /// ([`StarBrief`](super::StarBrief)), so that an image of a file of up to 64 MB costs at most
+    /// 600 MB.
     fn default() -> Self {
         Self {
-            max_pixels: 64_000_000,
+            max_pixels: 25_000_000,
             max_file_bytes: 512 << 20,
         }
     }
@@ -248,60 +251,59 @@ pub fn load_mask(path: impl AsRef<Path>, options: &LoadOptions) -> Result<GrayIm
         .map_err(|error| error.with_path(path))
 }
 
+/// Columns and rows of the upright picture in the image file at `path`, without its pixels.
+///
+/// Errors name the file and, where there is one, the remedy.
+pub fn picture_size(path: impl AsRef<Path>, limits: &DecodeLimits) -> Result<(u32, u32)> {
+    let path = path.as_ref();
+    read_file(path, limits)
+        .and_then(|bytes| {
+            let format = format_of(&bytes)?;
+            // Whether a JPEG is whole takes as long as decoding it.
+            let picture = match format {
+                ImageFormat::Png => {
+                    whole::picture(&bytes, format, &|width, height| limits.check(width, height))?
+                }
+                _ => bytes.as_slice().into(),
+            };
+            let mut decoder = decoder(&picture, format, limits)?;
+            let (width, height) = decoder.dimensions();
+            limits.check(u64::from(width), u64::from(height))?;
+            let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+            let is_on_its_side = matches!(
+                orientation,
+                Orientation::Rotate90
+                    | Orientation::Rotate270
+                    | Orientation::Rotate90FlipH
+                    | Orientation::Rotate270FlipH
+            );
+            Ok(if is_on_its_side {
+                (height, width)
+            } else {
+                (width, height)
+            })
+        })
+        .map_err(|error| error.with_path(path))
+}
+
 /// The bytes of a file that is not above the limit.
 pub(super) fn read_file(path: &Path, limits: &DecodeLimits) -> Result<Vec<u8>> {
-    let fail = |cause: io::Error| {
-        let error = Error::io(path, cause);
-        if error.kind() == ErrorKind::NotFound {
+    fremen::file::read(path, limits.max_file_bytes).map_err(|error| match error.kind() {
+        ErrorKind::NotFound => {
             error.with_help("check the path; an index's paths are relative to its folder")
-        } else {
-            error
         }
-    };
-    let file = fs::File::open(path).map_err(fail)?;
-    let metadata = file.metadata().map_err(fail)?;
-    if metadata.is_dir() {
-        return Err(Error::new(ErrorKind::Io, "is a folder, not an image"));
-    }
-    let mut bytes = Vec::new();
-    // The size may be unknown (a pipe) or change while reading: the limit holds all the same.
-    file.take(limits.max_file_bytes.saturating_add(1))
-        .read_to_end(&mut bytes)
-        .map_err(fail)?;
-    if bytes.len() as u64 > limits.max_file_bytes {
-        return Err(Error::new(
-            ErrorKind::Format,
-            format!(
-                "the file is above the limit of {} bytes",
-                limits.max_file_bytes
-            ),
-        )
-        .with_help("is it an image? raise the decoding limit if you trust it"));
-    }
-    Ok(bytes)
+        ErrorKind::Format if path.is_file() => {
+            error.with_help("is it an image? raise the decoding limit if you trust it")
+        }
+        _ => error,
+    })
 }
 
 /// The grey bytes of an encoded image (BMP, JPEG, PNG, PNM, TIFF or WebP).
 pub fn decode_gray(bytes: &[u8], limits: &DecodeLimits) -> Result<GrayImage> {
-    if bytes.is_empty() {
-        return Err(
-            Error::new(ErrorKind::Format, "the file is empty").with_help("copy or record it again")
-        );
-    }
-    let format = ImageReader::new(Cursor::new(bytes))
-        .with_guessed_format()
-        .map_err(|cause| Error::new(ErrorKind::Format, cause.to_string()))?
-        .format()
-        .ok_or_else(|| {
-            Error::new(ErrorKind::Format, "not an image of a known format")
-                .with_help("supported are BMP, JPEG, PNG, PNM, TIFF and WebP")
-        })?;
+    let format = format_of(bytes)?;
     let picture = whole::picture(bytes, format, &|width, height| limits.check(width, height))?;
-    let mut reader = ImageReader::with_format(Cursor::new(&*picture), format);
-    let mut image_limits = image::Limits::default();
-    image_limits.max_alloc = Some(limits.max_decoder_bytes());
-    reader.limits(image_limits);
-    let mut decoder = reader.into_decoder().map_err(|cause| image_error(&cause))?;
+    let mut decoder = decoder(&picture, format, limits)?;
     let (width, height) = decoder.dimensions();
     limits.check(u64::from(width), u64::from(height))?;
     // Metadata that cannot be read turns nothing; the pixels count.
@@ -310,6 +312,36 @@ pub fn decode_gray(bytes: &[u8], limits: &DecodeLimits) -> Result<GrayImage> {
     image.apply_orientation(orientation);
     let (width, height) = (image.width() as usize, image.height() as usize);
     GrayImage::new(width, height, to_gray(image)?)
+}
+
+/// Which of the formats the bytes are of.
+fn format_of(bytes: &[u8]) -> Result<ImageFormat> {
+    if bytes.is_empty() {
+        return Err(
+            Error::new(ErrorKind::Format, "the file is empty").with_help("copy or record it again")
+        );
+    }
+    // The decoder reads a BigTIFF, too, whose offsets have eight bytes.
+    if bytes.starts_with(b"II+\0") || bytes.starts_with(b"MM\0+") {
+        return Ok(ImageFormat::Tiff);
+    }
+    image::guess_format(bytes).map_err(|_| {
+        Error::new(ErrorKind::Format, "not an image of a known format")
+            .with_help("supported are BMP, JPEG, PNG, PNM, TIFF and WebP")
+    })
+}
+
+/// What decodes a picture, within the limits.
+fn decoder<'a>(
+    picture: &'a [u8],
+    format: ImageFormat,
+    limits: &DecodeLimits,
+) -> Result<impl ImageDecoder + use<'a>> {
+    let mut reader = ImageReader::with_format(Cursor::new(picture), format);
+    let mut image_limits = image::Limits::default();
+    image_limits.max_alloc = Some(limits.max_decoder_bytes());
+    reader.limits(image_limits);
+    reader.into_decoder().map_err(|cause| image_error(&cause))
 }
 
 fn image_error(cause: &ImageError) -> Error {
@@ -337,19 +369,27 @@ fn to_gray(image: DynamicImage) -> Result<Vec<u8>> {
             pixels.map(|p| p[0]).collect()
         }
     }
-    /// The high bytes of 16-bit samples.
-    fn high(samples: &[u16]) -> Vec<u8> {
-        samples.iter().map(|&sample| (sample >> 8) as u8).collect()
+    /// [`narrow`] of the high bytes of 16-bit samples.
+    fn high<const N: usize>(samples: &[u16]) -> Vec<u8> {
+        let pixels = samples.as_chunks::<N>().0.iter();
+        let high_byte = |sample: u16| (sample >> 8) as u8;
+        if N >= 3 {
+            pixels
+                .map(|p| luma(high_byte(p[0]), high_byte(p[1]), high_byte(p[2])))
+                .collect()
+        } else {
+            pixels.map(|p| high_byte(p[0])).collect()
+        }
     }
     Ok(match image {
         DynamicImage::ImageLuma8(image) => image.into_raw(),
         DynamicImage::ImageLumaA8(image) => narrow::<2>(&image),
         DynamicImage::ImageRgb8(image) => narrow::<3>(&image),
         DynamicImage::ImageRgba8(image) => narrow::<4>(&image),
-        DynamicImage::ImageLuma16(image) => high(&image),
-        DynamicImage::ImageLumaA16(image) => narrow::<2>(&high(&image)),
-        DynamicImage::ImageRgb16(image) => narrow::<3>(&high(&image)),
-        DynamicImage::ImageRgba16(image) => narrow::<4>(&high(&image)),
+        DynamicImage::ImageLuma16(image) => high::<1>(&image),
+        DynamicImage::ImageLumaA16(image) => high::<2>(&image),
+        DynamicImage::ImageRgb16(image) => high::<3>(&image),
+        DynamicImage::ImageRgba16(image) => high::<4>(&image),
         _ => {
             return Err(
                 Error::new(ErrorKind::Format, "floating-point pixels are not supported")

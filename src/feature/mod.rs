@@ -37,7 +37,7 @@ pub use extractor::Extractor;
 pub use extractor_config::{CornerBriefConfig, ExtractorConfig};
 pub use gray::{GrayImage, GrayView, Rect};
 #[cfg(feature = "dataset")]
-pub use image_file::{DecodeLimits, LoadOptions, load_gray, load_mask};
+pub use image_file::{DecodeLimits, LoadOptions, load_gray, load_mask, picture_size};
 pub use star_brief::StarBrief;
 pub use star_brief_config::StarBriefConfig;
 pub use transform::{PixelDigest, Rotation, mask_from_rects};

@@ -63,7 +63,7 @@ impl FrameSource {
     pub fn video(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         // OpenCV reports a missing and an unreadable file alike.
-        std::fs::File::open(path).map_err(|cause| Error::io(path, cause))?;
+        fremen::file::open(path)?;
         let name = path.display().to_string();
         let capture = VideoCapture::from_file(&name, videoio::CAP_ANY)
             .map_err(|cause| opencv_error(&cause).with_path(path))?;

@@ -42,11 +42,7 @@ pub fn remove_place(map: &Snapshot, key: &PlaceKey) -> Result<Snapshot> {
     left.edges
         .retain(|edge| edge.from != *key && edge.to != *key);
     let mut held = Quarantine::of(map)?;
-    for visit in Quarantine::of(map)?.visits() {
-        if visit.place == *key {
-            held.take(visit.id);
-        }
-    }
+    held.retain(|visit| visit.place != *key);
     held.attach(&mut left)?;
     Ok(left)
 }
@@ -126,14 +122,8 @@ fn move_names(map: &mut Snapshot, from: &PlaceKey, to: &PlaceKey) -> Result<()> 
         }
     }
     map.edges = edges;
-    let mut held = Quarantine::default();
-    for visit in Quarantine::of(map)?.visits() {
-        let mut visit = visit.clone();
-        if visit.place == *from {
-            visit.place = to.clone();
-        }
-        held.push(visit);
-    }
+    let mut held = Quarantine::of(map)?;
+    held.rename_place(from, to);
     held.attach(map)
 }
 

@@ -6,8 +6,9 @@
 //! keep their p(t) under their new number, because p(t) of a feature depends on its own history
 //! alone. So what a budget forgets costs no fit.
 //!
-//! So what a budget forgets may depend on when the process that learns was started: a new one
-//! begins with a fresh fit.
+//! Which visits it knows follows from how many the place has ([`num_fitted`]), not from when the
+//! process that learns was started: one that goes on with a map expects what the other would have.
+//! Only what a budget forgets is not made up for, so with one this holds about.
 //!
 //! Features that were born since have no p(t) here: `guard` does not look for them, and `budget`
 //! takes their plain rate.
@@ -19,7 +20,7 @@ use super::config::LearnConfig;
 use crate::map::Node;
 use fremen::error::Result;
 use fremen::time::Time;
-use fremen::visibility::{self, VisibilityModel, Visits};
+use fremen::visibility::{self, HistoryLog, VisibilityModel, Visits};
 
 /// A model is fitted again when it knows all but this share of the visits.
 const STALE_SHARE: usize = 8;
@@ -36,16 +37,42 @@ pub(super) struct PlaceModel {
     num_since: usize,
 }
 
+/// How many visits the model of a place knows that has so many: the first ones. It is fitted at 1,
+/// 2, 3, ... visits, and then where it [is stale](PlaceModel::is_stale).
+fn num_fitted(num_visits: usize) -> usize {
+    let next = |num: usize| num + num / STALE_SHARE + 1;
+    let fits = std::iter::successors(Some(0), |&num| Some(next(num)));
+    fits.take_while(|&num| num <= num_visits)
+        .last()
+        .unwrap_or_default()
+}
+
 impl PlaceModel {
-    /// Fits a model of all visits.
-    fn of(cfg: &LearnConfig, node: &Node) -> Result<Self> {
-        let model = visibility::fit(&node.log, cfg.experience().visibility(), Visits::All)?;
+    /// Fits a model of the first visits.
+    fn of(cfg: &LearnConfig, log: &HistoryLog) -> Result<Self> {
+        let num_fitted = num_fitted(log.num_visits());
+        let first = log.first(num_fitted);
+        let model = visibility::fit(&first, cfg.experience().visibility(), Visits::All)?;
         Ok(Self {
             pairs: identity(model.num_features()),
             model,
-            num_fitted: node.log.num_visits(),
-            num_since: 0,
+            num_fitted,
+            num_since: log.num_visits() - num_fitted,
         })
+    }
+
+    /// The model that a place had when it had only the first so many visits of the log; `known` is
+    /// that of fewer, where there is one.
+    pub(super) fn at(
+        cfg: &LearnConfig,
+        log: &HistoryLog,
+        num_visits: usize,
+        known: Option<Self>,
+    ) -> Result<Self> {
+        match known.filter(|it| it.num_fitted == num_fitted(num_visits)) {
+            Some(known) => Ok(known),
+            None => Self::of(cfg, &log.first(num_visits)),
+        }
     }
 
     /// The model itself; [`pairs`](Self::pairs) translates its features.
@@ -102,7 +129,7 @@ impl Expectations {
         let known = place.take().filter(|it| !it.is_stale());
         Ok(place.insert(match known {
             Some(known) => known,
-            None => PlaceModel::of(cfg, node)?,
+            None => PlaceModel::of(cfg, &node.log)?,
         }))
     }
 
@@ -132,7 +159,7 @@ impl Expectations {
 mod tests {
     use super::*;
     use crate::map::PlaceKey;
-    use fremen::visibility::{BitRow, HistoryLog};
+    use fremen::visibility::BitRow;
 
     /// A place whose feature `i` is seen at one in `i + 1` visits.
     fn place(num_visits: usize) -> Node {
@@ -168,6 +195,21 @@ mod tests {
         model.predict_into(time, &mut Vec::new(), &mut after);
         assert_eq!(&after[..3], &[p[2], p[3], p[5]]);
         assert!(after[3].is_nan(), "nobody knows it");
+    }
+
+    #[test]
+    fn what_a_model_knows_does_not_depend_on_when_it_was_first_needed() {
+        let cfg = LearnConfig::default();
+        let mut early = Expectations::default();
+        for num_visits in 5..40 {
+            let node = place(num_visits);
+            let model = early.of(&cfg, 0, &node).expect("fits");
+            let num_early = model.num_fitted;
+            let late = PlaceModel::of(&cfg, &node.log).expect("fits");
+            assert_eq!(num_early, late.num_fitted, "{num_visits} visits");
+            assert!(num_early + num_early / STALE_SHARE + 1 > num_visits);
+            early.count_visit(0);
+        }
     }
 
     #[test]

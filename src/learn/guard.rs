@@ -37,8 +37,10 @@
 //!
 //! Cost: O(features) a visit, and a look at one number for each past visit. The model of a place is
 //! refreshed now and then (`expectation`). Past agreements are found by up to eight fits when a
-//! place is first checked and when it has twice as many visits; between these each visit adds its
-//! own, and what a budget forgets takes its own along. So both are a constant number of passes over
+//! place has as many visits as are needed, and at two, four, eight times as many; between these each
+//! visit adds its own, and what a budget forgets takes its own along. A process that goes on with a
+//! map finds out anew what another had known (some fifteen fits a place), so that a visit is
+//! believed or not whatever interrupted the learning before it. So both are a constant number of passes over
 //! the features a visit on average, with and without a budget.
 //!
 //! Not for deciding where an image was taken: that is `localize`. A doubtful visit is not lost
@@ -52,7 +54,7 @@ use super::guard_config::MIN_CHECKED;
 use crate::map::{ClockFault, Node, PlaceKey, QuarantineReason, SessionId, Snapshot};
 use fremen::error::Result;
 use fremen::time::Time;
-use fremen::visibility::{self, BitRow, VisibilityModel, Visits};
+use fremen::visibility::{self, BitRow, HistoryLog, VisibilityModel, Visits};
 
 /// No camera's clock was right before 2000-01-01: it was never set.
 const FIRST_TIME: Time = Time::from_s(946_684_800);
@@ -255,7 +257,7 @@ impl Guard {
         });
         let past = place.insert(match known {
             Some(known) => known,
-            None => Past::of(cfg, node, &mut self.scores)?,
+            None => Past::of(cfg, &node.log, &mut self.scores)?,
         });
         let mut sorted: Vec<f64> = past.agreements.iter().flatten().copied().collect();
         sorted.sort_by(f64::total_cmp);
@@ -287,9 +289,34 @@ impl Guard {
 }
 
 impl Past {
+    /// What a guard would know that has seen all visits come: how those agreed of which half are
+    /// there by now, and how each one since did. Some fifteen fits, at most.
+    fn of(cfg: &LearnConfig, log: &HistoryLog, scores: &mut Vec<f64>) -> Result<Self> {
+        let num_visits = log.num_visits();
+        let mut num_judged = cfg.guard().min_visits().clamp(1, num_visits.max(1));
+        while num_judged * OUTGROWN <= num_visits {
+            num_judged *= OUTGROWN;
+        }
+        let mut past = Self::found_out(cfg, &log.first(num_judged), scores)?;
+        let mut model = None;
+        for visit in num_judged..num_visits {
+            let known = PlaceModel::at(cfg, log, visit, model.take())?;
+            let check = Check {
+                model: known.model(),
+                pairs: known.pairs(),
+                num_predicted: cfg.guard().num_predicted(),
+            };
+            let bits = (log.seen_row(visit), log.hidden_row(visit));
+            let agreement = check.agreement(log.times()[visit], bits, scores);
+            past.agreements
+                .push(agreement.map(|(agreement, _)| agreement));
+            model = Some(known);
+        }
+        Ok(past)
+    }
+
     /// Takes runs of visits out of the log and checks them. Eight fits, at most.
-    fn of(cfg: &LearnConfig, node: &Node, scores: &mut Vec<f64>) -> Result<Self> {
-        let log = &node.log;
+    fn found_out(cfg: &LearnConfig, log: &HistoryLog, scores: &mut Vec<f64>) -> Result<Self> {
         let (num_visits, model_cfg) = (log.num_visits(), cfg.experience().visibility());
         let num_runs = NUM_RUNS.min(num_visits - 1);
         // The first visit has nothing before it.

@@ -130,6 +130,19 @@ impl Learner {
         circumstances: &Circumstances,
     ) -> Result<Learnt> {
         let visit = self.check(observation)?;
+        // What was not believed is not judged again, whoever brings it, unless somebody has said
+        // since which place it shows.
+        let held = self.held.find(visit.id).filter(|_| self.guard.is_some());
+        let is_held = held.is_some();
+        if let Some(held) = held
+            && (held.is_labelled || !circumstances.is_labelled)
+        {
+            return Ok(Learnt {
+                doubt: Some(held.reason.clone()),
+                is_same_visit: true,
+                ..Learnt::default()
+            });
+        }
         let mut features = observation.features.clone();
         features.truncate(self.cfg.features_per_visit());
         let (doubt, agreement) = self.judge(observation, &features, circumstances)?;
@@ -141,13 +154,18 @@ impl Learner {
                 ..Learnt::default()
             });
         }
+        if is_held {
+            // It is learnt now, or held with what is said of it now.
+            self.take_held(visit.id)?;
+        }
         let Some(doubt) = doubt else {
             self.stays.count_visit(&observation.place, observation.time);
             return self.integrate(visit, observation, features, agreement);
         };
-        self.hold(visit, observation, features, doubt.clone());
+        let num_given_up = self.hold(visit, observation, features, doubt.clone(), circumstances);
         Ok(Learnt {
             doubt: Some(doubt),
+            num_given_up,
             ..Learnt::default()
         })
     }
@@ -178,16 +196,18 @@ impl Learner {
         }
     }
 
-    /// Keeps a doubtful visit until somebody says what it is.
+    /// Keeps a doubtful visit until somebody says what it is; gives of how many older ones the
+    /// features had to go.
     fn hold(
         &mut self,
         visit: Visit,
         observation: &Observation<'_>,
         features: Features,
         reason: QuarantineReason,
-    ) {
+        circumstances: &Circumstances,
+    ) -> usize {
         self.held_has_changed = true;
-        let num_dropped = self.held.push(QuarantinedVisit {
+        let num_given_up = self.held.push(QuarantinedVisit {
             place: observation.place.clone(),
             id: visit.id,
             session: visit.session,
@@ -195,15 +215,17 @@ impl Learner {
             source: visit.source,
             image_size: observation.image_size,
             mask: observation.mask.map(|mask| Arc::new(MaskRuns::of(mask))),
+            is_labelled: circumstances.is_labelled,
             reason,
             features: Arc::new(features),
         });
-        if num_dropped > 0 {
-            tracing::warn!(
-                num_dropped,
-                "too many visits are held: the oldest were dropped"
+        if num_given_up > 0 {
+            tracing::info!(
+                num_given_up,
+                "too many visits are held: the features of the oldest were given up"
             );
         }
+        num_given_up
     }
 
     /// Learns a visit that is held, without judging it again.
@@ -213,11 +235,16 @@ impl Learner {
     /// if the map's images have another size by now, and with [`ErrorKind::Format`] if its mask
     /// does not fit its image.
     pub fn accept(&mut self, id: VisitId) -> Result<Learnt> {
-        let waiting = self.held.visits().iter().find(|it| it.id == id);
-        let mask = match waiting {
-            Some(waiting) => self.check_held(waiting)?,
-            None => None,
+        let Some(waiting) = self.held.visits().iter().find(|it| it.id == id) else {
+            return Err(if self.held.find(id).is_some() {
+                let message = format!("the features of visit {id} were given up");
+                Error::new(ErrorKind::NotFound, message)
+                    .with_help("drop it with `chronotope map drop`, and learn its image again")
+            } else {
+                not_held(id)
+            });
         };
+        let mask = self.check_held(waiting)?;
         let held = self.take_held(id)?;
         let visit = Visit {
             id,
@@ -269,11 +296,9 @@ impl Learner {
     }
 
     fn take_held(&mut self, id: VisitId) -> Result<QuarantinedVisit> {
+        let held = self.held.take(id).ok_or_else(|| not_held(id))?;
         self.held_has_changed = true;
-        self.held.take(id).ok_or_else(|| {
-            Error::new(ErrorKind::NotFound, format!("no visit {id} is held"))
-                .with_help("`chronotope map held` lists them")
-        })
+        Ok(held)
     }
 
     /// Why a visit should not be learnt, if something speaks against it, and how it agrees with its
@@ -412,6 +437,7 @@ impl Learner {
             doubt: None,
             is_same_visit: false,
             num_forgotten: 0,
+            num_given_up: 0,
         };
         let keep = match (self.cfg.recipe(), self.cfg.keep_appearances()) {
             // The reference recipe looks at every image again.
@@ -499,6 +525,7 @@ impl Learner {
         self.reobservation.attach(&mut self.snapshot);
         if self.held_has_changed {
             self.held.attach(&mut self.snapshot)?;
+            self.held.remember(&self.snapshot);
             self.held_has_changed = false;
         }
         Ok(Arc::new(self.snapshot.clone()))
@@ -613,6 +640,11 @@ impl Learner {
         }
         (row, !located)
     }
+}
+
+fn not_held(id: VisitId) -> Error {
+    Error::new(ErrorKind::NotFound, format!("no visit {id} is held"))
+        .with_help("`chronotope map held` lists them")
 }
 
 /// Whether an image has the size of the map's images.

@@ -41,6 +41,9 @@ pub struct Learnt {
     /// Features and visits that were forgotten to keep to the budget: the map does not extend its
     /// past then, and is stored by [`Map::replace`](crate::map::Map::replace).
     pub num_forgotten: usize,
+    /// Visits held longer ago whose features had to go for this one: they cannot be accepted any
+    /// more ([`Quarantine::given_up`](crate::map::Quarantine::given_up)).
+    pub num_given_up: usize,
 }
 
 /// What one image says about the features of its place.

@@ -191,6 +191,14 @@ impl Localizer {
         }
     }
 
+    /// Whether a query fits the map, whatever its features: to be called before these are looked
+    /// for.
+    ///
+    /// Fails as [`localize_into`](Self::localize_into) does.
+    pub fn check(&self, query: &Query<'_>) -> Result<()> {
+        self.map.check(query).map(drop)
+    }
+
     /// [`localize_into`](Self::localize_into) a new [`Localization`].
     pub fn localize(&self, scratch: &mut Scratch, query: &Query<'_>) -> Result<Localization> {
         let mut out = Localization::default();

@@ -2,426 +2,296 @@
 //!
 //! A visit that does not look like its place, or whose time cannot be right, is not learnt: it is
 //! kept in quarantine with the reason, and can be learnt or dropped later. Whether to believe a
-//! visit is decided by `learn`; quarantined visits are part of a snapshot as the attachment `held`,
-//! so that they are committed, rolled back and checked as everything else is.
+//! visit is decided by `learn`; quarantined visits are part of a snapshot, each as an attachment of
+//! its own (`held-` and its identity), so that they are committed, rolled back and checked
+//! as everything else is, and one more costs its own bytes.
 //!
-//! Bytes of the attachment: a little-endian `u64`, the length of a JSON array with an object for
-//! each visit, oldest first; then for each visit its keypoints and its descriptors, as in table
-//! `appearance`. A mask is kept as the lengths of its runs ([`MaskRuns`]). At most [`MAX_VISITS`]
-//! visits and [`MAX_BYTES`]: beyond that the oldest go.
+//! At most [`MAX_VISITS`] visits and [`MAX_BYTES`] are kept whole. Beyond that the features of the
+//! oldest are *given up*: the visit is still known, with its reason, so that nobody learns it
+//! unawares, but cannot be accepted any more. Beyond [`MAX_GIVEN_UP`] of these the oldest are
+//! forgotten and counted. A mask is kept as the lengths of its runs ([`MaskRuns`](super::MaskRuns)).
 
-use std::collections::BTreeSet;
-use std::fmt;
+use std::cmp::Reverse;
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
-
-use super::codec::{
-    decode_descriptors, decode_keypoints, encode_descriptors, encode_keypoints, pair,
-};
-use super::limits::{MAX_ATTACHMENT_BYTES, MAX_TEXT_BYTES};
+use super::quarantine_row as row;
+use super::quarantined::QuarantinedVisit;
 use super::snapshot::Snapshot;
 use super::types::{PlaceKey, SessionId, VisitId};
-use crate::feature::{Features, GrayImage};
 use fremen::error::{Error, ErrorKind, Result};
-use fremen::time::Time;
 
-/// The attachment's name.
-const NAME: &str = "held";
-/// Visits, at most.
+/// The attachment of all of them that earlier versions wrote.
+const LIST_NAME: &str = "held";
+/// The attachment of how many were forgotten.
+const FORGOTTEN_NAME: &str = "held-forgotten";
+/// Visits that are kept whole, at most.
 const MAX_VISITS: usize = 512;
 /// Bytes of all their features and texts, at most.
-const MAX_BYTES: usize = MAX_ATTACHMENT_BYTES / 2;
+const MAX_BYTES: usize = 8 << 20;
+/// Visits whose features were given up, at most.
+const MAX_GIVEN_UP: usize = 4_096;
 
-/// Pixels of a mask, at most: as of an image that is decoded.
-const MAX_MASK_PIXELS: u64 = 64_000_000;
-
-/// Why a visit was not learnt.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case")]
-pub enum QuarantineReason {
-    /// Too few of the features that were predicted for that time were seen.
-    #[serde(rename_all = "kebab-case")]
-    Disagreement {
-        /// The share of the predicted features that were seen.
-        agreement: f64,
-        /// The least share that would have been believed.
-        threshold: f64,
-        /// The median share at the place's past visits.
-        expected: f64,
-        /// How many features were predicted and could have been seen.
-        num_predicted: usize,
-        /// Another place of the map that it looks like.
-        looks_like: Option<PlaceKey>,
-    },
-    /// Next to nothing is to be seen: the camera is covered, blinded, or it is dark.
-    #[serde(rename_all = "kebab-case")]
-    Blind {
-        /// Features of the image.
-        num_features: usize,
-        /// The grey levels that all but the darkest and the brightest hundredth of its pixels lie
-        /// between, where known.
-        gray_range: Option<(u8, u8)>,
-    },
-    /// Its time cannot be right.
-    #[serde(rename_all = "kebab-case")]
-    Clock {
-        /// What is wrong with it.
-        fault: ClockFault,
-        /// By how many seconds it is off: from the machine's clock (positive: ahead of it), or from
-        /// the image before.
-        off_s: f64,
-    },
-}
-
-/// What may be wrong with a clock.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ClockFault {
-    /// It was never set: the time is near 1970.
-    Unset,
-    /// The time has not come yet.
-    Future,
-    /// It went back within a session.
-    Backwards,
-    /// It differs from the machine's clock by a whole number of quarters of an hour, as the clock
-    /// of another zone does.
-    Zone,
-}
-
-/// The darkest image whose brightest parts are still black.
-const BLACK: u8 = 40;
-/// The brightest image whose darkest parts are already white.
-const WHITE: u8 = 215;
-
-impl fmt::Display for QuarantineReason {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Disagreement {
-                agreement,
-                threshold,
-                expected,
-                num_predicted,
-                looks_like,
-            } => {
-                write!(
-                    f,
-                    "{:.1} % of {num_predicted} predicted features were seen, where at least \
-                     {:.1} % were expected and {:.1} % are usual",
-                    100.0 * agreement,
-                    100.0 * threshold,
-                    100.0 * expected
-                )?;
-                match looks_like {
-                    Some(place) => write!(f, "; it looks like place `{place}`"),
-                    None => Ok(()),
-                }
-            }
-            Self::Blind {
-                num_features,
-                gray_range,
-            } => {
-                let what = match gray_range {
-                    Some((_, high)) if *high <= BLACK => "the image is black: a covered camera?",
-                    Some((low, _)) if *low >= WHITE => "the image is white: a blinded camera?",
-                    Some(_) => "the image is flat: a covered camera?",
-                    None => "the image is empty: a covered camera?",
-                };
-                write!(f, "{what} ({num_features} features")?;
-                match gray_range {
-                    Some((low, high)) => write!(f, ", grey levels {low} to {high})"),
-                    None => write!(f, ")"),
-                }
-            }
-            Self::Clock { fault, off_s } => match fault {
-                ClockFault::Unset => write!(f, "the clock was never set"),
-                ClockFault::Future => write!(f, "the time lies {off_s:.0} s in the future"),
-                ClockFault::Backwards => {
-                    write!(f, "the clock went back by {:.0} s", off_s.abs())
-                }
-                ClockFault::Zone => write!(
-                    f,
-                    "the time is {:+.2} h off the machine's clock, as that of another zone is",
-                    off_s / 3_600.0
-                ),
-            },
-        }
-    }
-}
-
-/// Which pixels of an image could be observed: the lengths of runs, row by row and across the ends
-/// of rows; the first run (it may be empty) is hidden, and from then on they alternate.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(transparent)]
-pub struct MaskRuns(Vec<u32>);
-
-impl MaskRuns {
-    /// The runs of a mask that is zero where nothing could be observed.
-    pub fn of(mask: &GrayImage) -> Self {
-        let mut runs = vec![0_u32];
-        let mut is_hidden = true;
-        for &pixel in mask.data() {
-            if (pixel == 0) != is_hidden {
-                is_hidden = !is_hidden;
-                runs.push(0);
-            }
-            if let Some(run) = runs.last_mut() {
-                *run = run.saturating_add(1);
-            }
-        }
-        Self(runs)
-    }
-
-    /// The mask of an image of this size.
-    ///
-    /// Fails with [`ErrorKind::Format`] if the runs do not cover it.
-    pub fn to_mask(&self, (width, height): (u32, u32)) -> Result<GrayImage> {
-        let num_pixels = u64::from(width) * u64::from(height);
-        let covered: u64 = self.0.iter().map(|&run| u64::from(run)).sum();
-        if covered != num_pixels || num_pixels > MAX_MASK_PIXELS {
-            return Err(Error::new(
-                ErrorKind::Format,
-                format!("runs of {covered} px are no mask of {width} x {height} px"),
-            ));
-        }
-        let mut pixels = Vec::with_capacity(num_pixels as usize);
-        for (at, &run) in self.0.iter().enumerate() {
-            let value = if at.is_multiple_of(2) { 0 } else { 255 };
-            pixels.resize(pixels.len() + run as usize, value);
-        }
-        GrayImage::new(width as usize, height as usize, pixels)
-    }
-}
-
-/// A visit that waits in quarantine, with all that is needed to learn it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct QuarantinedVisit {
-    /// Where it is said to have been.
-    pub place: PlaceKey,
-    /// Its identity.
-    pub id: VisitId,
-    /// The run it belongs to.
-    pub session: SessionId,
-    /// When the image is said to have been taken.
-    pub time: Time,
-    /// Where the image came from, for people.
-    pub source: String,
-    /// Width and height of the image, px.
-    pub image_size: (u32, u32),
-    /// What of it could be observed, if not all.
-    pub mask: Option<Arc<MaskRuns>>,
-    /// Why it is quarantined.
-    pub reason: QuarantineReason,
-    /// Its features, strongest first.
-    pub features: Arc<Features>,
-}
-
-/// What a visit is in the JSON array.
-#[derive(Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-struct Entry {
-    place: PlaceKey,
-    visit: String,
-    session: String,
-    time_us: i64,
-    source: String,
-    image_width: u32,
-    image_height: u32,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    mask: Option<MaskRuns>,
-    num_features: usize,
-    doubt: QuarantineReason,
+/// A visit in quarantine, and where it stands.
+#[derive(Clone, Debug)]
+struct Held {
+    /// Numbers them in order of arrival.
+    order: u64,
+    /// Its bytes in a snapshot, where they are known.
+    bytes: Option<Arc<[u8]>>,
 }
 
 /// The visits that a map keeps without having learnt them, in order of arrival.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct Quarantine {
     visits: Vec<QuarantinedVisit>,
+    /// Of each visit.
+    held: Vec<Held>,
+    /// Those whose features are gone, in order of arrival.
+    given_up: Vec<QuarantinedVisit>,
+    given_up_held: Vec<Held>,
+    num_forgotten: u64,
+}
+
+impl PartialEq for Quarantine {
+    fn eq(&self, other: &Self) -> bool {
+        (self.num_forgotten, &self.visits, &self.given_up)
+            == (other.num_forgotten, &other.visits, &other.given_up)
+    }
 }
 
 impl Quarantine {
     /// The quarantined visits of `snapshot`.
     ///
-    /// Fails with [`ErrorKind::Format`] if the attachment is not as it is written.
+    /// Fails with [`ErrorKind::Format`] if an attachment is not as it is written.
     pub fn of(snapshot: &Snapshot) -> Result<Self> {
-        match snapshot.attachments.get(NAME) {
-            Some(bytes) => Self::decode(bytes).map_err(|message| {
-                Error::new(
-                    ErrorKind::Format,
-                    format!("the attachment `{NAME}` cannot be read: {message}"),
-                )
-                .with_help("return to an earlier generation with `chronotope map rollback`")
-            }),
-            None => Ok(Self::default()),
+        let fault = |name: &str, message: String| {
+            Error::new(
+                ErrorKind::Format,
+                format!("the attachment `{name}` cannot be read: {message}"),
+            )
+            .with_help("return to an earlier generation with `chronotope map rollback`")
+        };
+        let mut all = Vec::new();
+        if let Some(bytes) = snapshot.attachments.get(LIST_NAME) {
+            let visits = row::decode_list(bytes).map_err(|message| fault(LIST_NAME, message))?;
+            all.extend((0..).zip(visits).map(|(order, visit)| {
+                let (bytes, is_whole) = (None, true);
+                (Held { order, bytes }, visit, is_whole)
+            }));
         }
+        let mut held = Self::default();
+        let num_listed = all.len() as u64;
+        for (name, bytes) in &snapshot.attachments {
+            if name == FORGOTTEN_NAME {
+                let number = row::decode_number(bytes);
+                held.num_forgotten = number.map_err(|message| fault(name, message))?;
+                continue;
+            }
+            let Some(id) = row::id_of(name) else {
+                continue;
+            };
+            let read = row::decode(bytes).map_err(|message| fault(name, message))?;
+            if read.visit.id != id {
+                let message = format!("it is visit {}", read.visit.id);
+                return Err(fault(name, message));
+            }
+            if all.iter().take(num_listed as usize).any(|it| it.1.id == id) {
+                return Err(fault(name, format!("visit {id} is held twice")));
+            }
+            let order = num_listed.saturating_add(read.order);
+            let bytes = (num_listed == 0).then(|| Arc::clone(bytes));
+            all.push((Held { order, bytes }, read.visit, read.is_whole));
+        }
+        all.sort_by_key(|(held, visit, _)| (held.order, visit.id));
+        for (known, visit, is_whole) in all {
+            let (visits, helds) = if is_whole {
+                (&mut held.visits, &mut held.held)
+            } else {
+                (&mut held.given_up, &mut held.given_up_held)
+            };
+            visits.push(visit);
+            helds.push(known);
+        }
+        Ok(held)
+    }
+
+    /// Whether an attachment of this name is one of these.
+    pub fn is_named(name: &str) -> bool {
+        name == LIST_NAME || name == FORGOTTEN_NAME || row::id_of(name).is_some()
     }
 
     /// Makes them part of `snapshot`.
     pub fn attach(&self, snapshot: &mut Snapshot) -> Result<()> {
-        if self.visits.is_empty() {
-            snapshot.attachments.remove(NAME);
-            return Ok(());
+        let mut attachments = std::mem::take(&mut snapshot.attachments);
+        attachments.retain(|name, _| !Self::is_named(name));
+        let whole = self.visits.iter().zip(&self.held).map(|it| (it, true));
+        let given_up = self.given_up.iter().zip(&self.given_up_held);
+        for ((visit, held), is_whole) in whole.chain(given_up.map(|it| (it, false))) {
+            let bytes = match &held.bytes {
+                Some(bytes) => Arc::clone(bytes),
+                None => row::encode(visit, held.order, is_whole)?.into(),
+            };
+            attachments.insert(row::name_of(visit.id), bytes);
         }
-        let bytes = Arc::from(self.encode()?);
-        snapshot.attachments.insert(NAME.into(), bytes);
+        if self.num_forgotten > 0 {
+            let bytes = row::encode_number(self.num_forgotten);
+            attachments.insert(FORGOTTEN_NAME.into(), bytes.into());
+        }
+        snapshot.attachments = attachments;
         Ok(())
     }
 
-    /// The visits, oldest first.
+    /// Keeps the bytes of visits that `snapshot` has been given by [`attach`](Self::attach), so
+    /// that they are not made again.
+    pub(crate) fn remember(&mut self, snapshot: &Snapshot) {
+        let whole = self.visits.iter().zip(&mut self.held);
+        let given_up = self.given_up.iter().zip(&mut self.given_up_held);
+        for (visit, held) in whole.chain(given_up).filter(|(_, it)| it.bytes.is_none()) {
+            held.bytes = snapshot.attachments.get(&row::name_of(visit.id)).cloned();
+        }
+    }
+
+    /// The visits that can be accepted, oldest first.
     pub fn visits(&self) -> &[QuarantinedVisit] {
         &self.visits
     }
 
-    /// Adds a visit; one that is there already changes nothing. Gives how many of the oldest had to
-    /// go for it.
+    /// The visits whose features were given up for want of room, oldest first: they are known not
+    /// to have been believed, and have no features and no mask.
+    pub fn given_up(&self) -> &[QuarantinedVisit] {
+        &self.given_up
+    }
+
+    /// How many more there were, of which nothing is left.
+    pub fn num_forgotten(&self) -> u64 {
+        self.num_forgotten
+    }
+
+    /// The visit of this identity, with its features or without.
+    pub fn find(&self, id: VisitId) -> Option<&QuarantinedVisit> {
+        let mut all = self.visits.iter().chain(&self.given_up);
+        all.find(|it| it.id == id)
+    }
+
+    /// Adds a visit; one that is there already changes nothing. Gives of how many of the oldest the
+    /// features had to go for it.
     pub fn push(&mut self, visit: QuarantinedVisit) -> usize {
-        if self.visits.iter().any(|it| it.id == visit.id) {
+        if self.find(visit.id).is_some() {
             return 0;
         }
+        let last = (self
+            .held
+            .last()
+            .into_iter()
+            .chain(self.given_up_held.last()))
+        .map(|it| it.order)
+        .max();
+        let order = last.map_or(0, |last| last.saturating_add(1));
         self.visits.push(visit);
+        self.held.push(Held { order, bytes: None });
         self.bound()
     }
 
-    /// Takes a visit out.
+    /// Takes a visit out, also one whose features were given up: that has none.
     pub fn take(&mut self, id: VisitId) -> Option<QuarantinedVisit> {
-        let at = self.visits.iter().position(|it| it.id == id)?;
-        Some(self.visits.remove(at))
+        if let Some(at) = self.visits.iter().position(|it| it.id == id) {
+            self.held.remove(at);
+            return Some(self.visits.remove(at));
+        }
+        let at = self.given_up.iter().position(|it| it.id == id)?;
+        self.given_up_held.remove(at);
+        Some(self.given_up.remove(at))
     }
 
     /// Takes out the visits of one session, and gives how many there were.
     pub fn forget(&mut self, session: SessionId) -> usize {
-        let before = self.visits.len();
-        self.visits.retain(|it| it.session != session);
-        before - self.visits.len()
+        self.retain(|it| it.session != session)
+    }
+
+    /// Takes out all visits but those that `keeps` wants, and gives how many there were.
+    pub fn retain(&mut self, keeps: impl Fn(&QuarantinedVisit) -> bool) -> usize {
+        let before = self.visits.len() + self.given_up.len();
+        let all = self.visits.iter().chain(&self.given_up);
+        let gone: Vec<VisitId> = all.filter(|it| !keeps(it)).map(|it| it.id).collect();
+        for id in gone {
+            self.take(id);
+        }
+        before - self.visits.len() - self.given_up.len()
+    }
+
+    /// Gives the visits of a place another one.
+    pub fn rename_place(&mut self, from: &PlaceKey, to: &PlaceKey) {
+        let whole = self.visits.iter_mut().zip(&mut self.held);
+        let given_up = self.given_up.iter_mut().zip(&mut self.given_up_held);
+        for (visit, held) in whole.chain(given_up).filter(|(it, _)| it.place == *from) {
+            visit.place = to.clone();
+            held.bytes = None;
+        }
     }
 
     /// Adds the visits of `other`, in order of time and identity: the union, whatever the order. Of
     /// two accounts of one visit the larger holds.
     pub fn merge(&mut self, other: &Self) {
-        self.visits.extend_from_slice(&other.visits);
-        self.visits.sort_by_cached_key(|it| {
-            let account = format!("{it:?}");
-            (
-                it.time,
-                it.id,
-                std::cmp::Reverse((it.features.len(), account)),
-            )
-        });
-        self.visits.dedup_by_key(|it| it.id);
+        for (own, others) in [
+            (&mut self.visits, &other.visits),
+            (&mut self.given_up, &other.given_up),
+        ] {
+            own.extend_from_slice(others);
+            own.sort_by_cached_key(|it| {
+                let account = format!("{it:?}");
+                (it.time, it.id, Reverse((it.features.len(), account)))
+            });
+            own.dedup_by_key(|it| it.id);
+        }
+        let visits = &self.visits;
+        (self.given_up).retain(|it| visits.iter().all(|whole| whole.id != it.id));
+        let fresh = |first: usize, num: usize| {
+            let orders = first as u64..(first + num) as u64;
+            orders.map(|order| Held { order, bytes: None }).collect()
+        };
+        self.given_up_held = fresh(0, self.given_up.len());
+        self.held = fresh(self.given_up.len(), self.visits.len());
+        self.num_forgotten = self.num_forgotten.max(other.num_forgotten);
         self.bound();
     }
 
-    /// Drops the oldest where there are too many; gives how many.
+    /// Gives up the features of the oldest where there are too many, and forgets the oldest of
+    /// those; gives how many were given up.
     fn bound(&mut self) -> usize {
         let mut num_bytes: usize = self.visits.iter().map(QuarantinedVisit::num_bytes).sum();
-        let mut num_dropped = 0;
-        while num_dropped < self.visits.len()
-            && (self.visits.len() - num_dropped > MAX_VISITS || num_bytes > MAX_BYTES)
+        let mut num_given_up = 0;
+        while num_given_up < self.visits.len()
+            && (self.visits.len() - num_given_up > MAX_VISITS || num_bytes > MAX_BYTES)
         {
-            num_bytes -= self.visits[num_dropped].num_bytes();
-            num_dropped += 1;
+            num_bytes -= self.visits[num_given_up].num_bytes();
+            num_given_up += 1;
         }
-        self.visits.drain(..num_dropped);
-        num_dropped
-    }
-
-    fn encode(&self) -> Result<Vec<u8>> {
-        let entries: Vec<Entry> = (self.visits.iter())
-            .map(|it| Entry {
-                place: it.place.clone(),
-                visit: it.id.to_string(),
-                session: it.session.to_string(),
-                time_us: it.time.as_us(),
-                source: it.source.clone(),
-                image_width: it.image_size.0,
-                image_height: it.image_size.1,
-                mask: it.mask.as_deref().cloned(),
-                num_features: it.features.len(),
-                doubt: it.reason.clone(),
-            })
-            .collect();
-        let json = serde_json::to_vec(&entries).map_err(|cause| {
-            Error::new(
-                ErrorKind::Format,
-                format!("held visits cannot be written: {cause}"),
-            )
-        })?;
-        let mut bytes = (json.len() as u64).to_le_bytes().to_vec();
-        bytes.extend(json);
-        for it in &self.visits {
-            bytes.extend(encode_keypoints(it.features.keypoints()));
-            bytes.extend(encode_descriptors(it.features.descriptors()));
-        }
-        Ok(bytes)
-    }
-
-    fn decode(bytes: &[u8]) -> Result<Self, String> {
-        let (length, rest) = bytes.split_first_chunk().ok_or("it is cut off")?;
-        let length = usize::try_from(u64::from_le_bytes(*length)).map_err(|_| "it is cut off")?;
-        let (json, mut rest) = rest.split_at_checked(length).ok_or("it is cut off")?;
-        let entries: Vec<Entry> =
-            serde_json::from_slice(json).map_err(|cause| cause.to_string())?;
-        let bits = |text: &str| {
-            let is_whole = text.len() == 32;
-            (is_whole
-                .then(|| u128::from_str_radix(text, 16).ok())
-                .flatten())
-            .ok_or_else(|| format!("`{}` is no identity", text.escape_debug()))
-        };
-        let mut visits: Vec<QuarantinedVisit> = Vec::with_capacity(entries.len());
-        let mut ids = BTreeSet::new();
-        for entry in entries {
-            if entry.source.len() > MAX_TEXT_BYTES {
-                return Err(format!("a source is longer than {MAX_TEXT_BYTES} bytes"));
-            }
-            let id = VisitId(bits(&entry.visit)?);
-            if !ids.insert(id) {
-                return Err(format!("visit {id} is held twice"));
-            }
-            let mut blob = |bytes_each: usize| {
-                let len = entry.num_features.checked_mul(bytes_each);
-                let parts = len.and_then(|len| rest.split_at_checked(len));
-                let (blob, after) = parts.ok_or("its features are cut off")?;
-                rest = after;
-                Ok::<_, String>(blob)
+        let orders = self.held.drain(..num_given_up).map(|it| it.order);
+        for (order, visit) in orders.zip(self.visits.drain(..num_given_up)) {
+            let at = self.given_up_held.partition_point(|it| it.order < order);
+            self.given_up_held.insert(at, Held { order, bytes: None });
+            let bare = QuarantinedVisit {
+                mask: None,
+                features: Arc::default(),
+                ..visit
             };
-            let keypoints = decode_keypoints(blob(16)?).map_err(|it| it.message)?;
-            let descriptors = decode_descriptors(blob(32)?).map_err(|it| it.message)?;
-            visits.push(QuarantinedVisit {
-                place: entry.place,
-                id,
-                session: SessionId(bits(&entry.session)?),
-                time: Time::from_us(entry.time_us),
-                source: entry.source,
-                image_size: (entry.image_width, entry.image_height),
-                mask: entry.mask.map(Arc::new),
-                reason: entry.doubt,
-                features: Arc::new(pair(keypoints, descriptors).map_err(|it| it.message)?),
-            });
+            self.given_up.insert(at, bare);
         }
-        if rest.is_empty() {
-            Ok(Self { visits })
-        } else {
-            Err(format!("{} bytes too many", rest.len()))
-        }
-    }
-}
-
-impl QuarantinedVisit {
-    /// About how much room it takes.
-    fn num_bytes(&self) -> usize {
-        let num_runs = self.mask.as_ref().map_or(0, |mask| mask.0.len());
-        1_000
-            + 11 * num_runs
-            + 6 * (self.source.len() + self.place.as_str().len())
-            + 48 * self.features.len()
+        let num_forgotten = self.given_up.len().saturating_sub(MAX_GIVEN_UP);
+        self.given_up.drain(..num_forgotten);
+        self.given_up_held.drain(..num_forgotten);
+        self.num_forgotten = self.num_forgotten.saturating_add(num_forgotten as u64);
+        num_given_up
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::feature::{Descriptor, Keypoint};
+    use crate::feature::{Descriptor, Features, Keypoint};
+    use crate::map::quarantined::{MaskRuns, QuarantineReason};
+    use crate::map::types::MapMeta;
+    use fremen::time::Time;
 
     fn visit(number: u128, num_features: usize) -> QuarantinedVisit {
         let mut features = Features::new();
@@ -444,6 +314,7 @@ mod tests {
             mask: number
                 .is_multiple_of(2)
                 .then(|| Arc::new(MaskRuns(vec![0, 640 * 479, 640]))),
+            is_labelled: number.is_multiple_of(3),
             reason: QuarantineReason::Disagreement {
                 agreement: 0.1,
                 threshold: 1.0 / 3.0,
@@ -455,50 +326,121 @@ mod tests {
         }
     }
 
+    fn map() -> Snapshot {
+        Snapshot::empty(MapMeta::new(1, "star+brief", "default"))
+    }
+
     #[test]
-    fn held_visits_survive_the_attachment_and_damage_is_named() {
+    fn held_visits_survive_the_map_and_damage_is_named() {
         let mut quarantine = Quarantine::default();
-        for number in 0..5 {
+        for number in (0..5).rev() {
             assert_eq!(quarantine.push(visit(number, number as usize)), 0);
         }
         assert_eq!(quarantine.push(visit(3, 9)), 0);
-        let bytes = quarantine.encode().expect("serialises");
-        assert_eq!(Quarantine::decode(&bytes), Ok(quarantine.clone()));
+        let mut snapshot = map();
+        quarantine.attach(&mut snapshot).expect("fits");
+        assert_eq!(Quarantine::of(&snapshot).expect("ours"), quarantine);
+        let (name, bytes) = snapshot.attachments.first_key_value().expect("five");
+        let (name, bytes) = (name.clone(), Arc::clone(bytes));
+        let mut with = |bytes: &[u8]| {
+            (snapshot.attachments).insert(name.clone(), bytes.into());
+            Quarantine::of(&snapshot)
+        };
         for len in 0..bytes.len() {
-            assert!(Quarantine::decode(&bytes[..len]).is_err(), "{len} bytes");
+            let error = with(&bytes[..len]).expect_err("damaged");
+            assert!(error.to_string().contains(&name), "{len} bytes: {error}");
         }
-        assert!(Quarantine::decode(&[&bytes[..], &[0]].concat()).is_err());
+        assert!(with(&[&bytes[..], &[0]].concat()).is_err());
+        // Under the name of another visit.
+        with(&bytes).expect("as it was");
+        (snapshot.attachments).insert(row::name_of(VisitId(77)), bytes);
+        assert!(Quarantine::of(&snapshot).is_err());
         assert_eq!(quarantine.forget(SessionId(1)), 2);
         assert!(quarantine.take(VisitId(2)).is_some() && quarantine.take(VisitId(2)).is_none());
         assert_eq!(quarantine.visits().len(), 2);
     }
 
     #[test]
-    fn a_mask_is_what_its_runs_say() {
-        for pixels in [[0, 0, 7, 0, 255, 255], [1, 1, 1, 1, 1, 1], [0; 6]] {
-            let mask = GrayImage::new(3, 2, pixels.to_vec()).expect("as many pixels");
-            let again = MaskRuns::of(&mask).to_mask((3, 2)).expect("covered");
-            let is_hidden: Vec<bool> = again.data().iter().map(|&pixel| pixel == 0).collect();
-            assert_eq!(is_hidden, pixels.map(|pixel| pixel == 0));
-        }
-        for (runs, size) in [(vec![7], (3, 2)), (vec![u32::MAX, u32::MAX], (u32::MAX, 2))] {
-            assert!(MaskRuns(runs.clone()).to_mask(size).is_err(), "{runs:?}");
+    fn the_list_of_earlier_versions_is_read() {
+        let visits: Vec<_> = (0..4).map(|number| visit(9 - number, 3)).collect();
+        let mut snapshot = map();
+        let bytes = row::encode_list(&visits).expect("serialises");
+        (snapshot.attachments).insert(LIST_NAME.into(), bytes.into());
+        let mut held = Quarantine::of(&snapshot).expect("readable");
+        assert_eq!(held.visits(), visits);
+        held.push(visit(1, 2));
+        held.attach(&mut snapshot).expect("fits");
+        assert!(!snapshot.attachments.contains_key(LIST_NAME));
+        assert_eq!(Quarantine::of(&snapshot).expect("ours"), held);
+    }
+
+    /// A visit more does not write the others again.
+    #[test]
+    fn a_visit_that_is_held_costs_its_own_bytes() {
+        let (mut quarantine, mut snapshot) = (Quarantine::default(), map());
+        let mut before = snapshot.attachments.clone();
+        for number in 0..20 {
+            quarantine.push(visit(number, 100));
+            quarantine.attach(&mut snapshot).expect("fits");
+            quarantine.remember(&snapshot);
+            let is_new = |(name, value): &(&String, &Arc<[u8]>)| {
+                !before.get(*name).is_some_and(|it| Arc::ptr_eq(it, value))
+            };
+            let new: Vec<_> = snapshot.attachments.iter().filter(is_new).collect();
+            assert_eq!(new.len(), 1, "{number}");
+            assert!(new[0].1.len() < 100 * 48 + 1_000);
+            before = snapshot.attachments.clone();
         }
     }
 
     #[test]
-    fn the_oldest_go_where_there_are_too_many() {
+    fn the_oldest_are_given_up_where_there_are_too_many_and_nothing_goes_unseen() {
         let mut quarantine = Quarantine::default();
-        let num_dropped: usize = (0..600)
+        let num_given_up: usize = (0..600)
             .map(|number| quarantine.push(visit(number, 1)))
             .sum();
         assert_eq!(
-            (num_dropped, quarantine.visits().len()),
+            (num_given_up, quarantine.visits().len()),
             (600 - MAX_VISITS, MAX_VISITS)
         );
         assert_eq!(quarantine.visits()[0].id, VisitId(600 - MAX_VISITS as u128));
-        // A single one that is too large is not kept at all.
-        assert_eq!(Quarantine::default().push(visit(1, MAX_BYTES / 48)), 1);
-        assert!(quarantine.encode().expect("serialises").len() < MAX_ATTACHMENT_BYTES);
+        let oldest = &quarantine.given_up()[0];
+        assert_eq!((oldest.id, oldest.features.len()), (VisitId(0), 0));
+        assert!(quarantine.find(VisitId(0)).is_some());
+        // It is still held when its image comes again.
+        assert_eq!(quarantine.push(visit(0, 1)), 0);
+        let mut snapshot = map();
+        quarantine.attach(&mut snapshot).expect("fits");
+        assert_eq!(Quarantine::of(&snapshot).expect("ours"), quarantine);
+        // A single one that is too large keeps its place, not its features.
+        let mut large = Quarantine::default();
+        assert_eq!(large.push(visit(1, MAX_BYTES / 48)), 1);
+        assert_eq!((large.visits().len(), large.given_up().len()), (0, 1));
+        for number in 600..5_000 {
+            quarantine.push(visit(number, 0));
+        }
+        let num_known = (quarantine.visits().len() + quarantine.given_up().len()) as u64;
+        assert_eq!(num_known + quarantine.num_forgotten(), 5_000);
+        assert_eq!(quarantine.given_up().len(), MAX_GIVEN_UP);
+    }
+
+    #[test]
+    fn merging_is_the_union_of_whole_and_given_up_visits() {
+        let (mut a, mut b) = (Quarantine::default(), Quarantine::default());
+        for number in 0..600 {
+            a.push(visit(number, 1));
+            b.push(visit(599 - number, 1));
+        }
+        let mut merged = a.clone();
+        merged.merge(&b);
+        let mut other = b.clone();
+        other.merge(&a);
+        assert_eq!(merged, other);
+        let (mut first, mut second) = (map(), map());
+        merged.attach(&mut first).expect("fits");
+        other.attach(&mut second).expect("fits");
+        assert_eq!(first, second, "byte for byte");
+        let num_known = merged.visits().len() + merged.given_up().len();
+        assert_eq!(num_known, 600);
     }
 }

@@ -233,6 +233,12 @@ impl Robot {
     pub fn see_frame(&mut self, frame: &Frame<'_>) -> Result<&Localization> {
         self.go_on_with_newer_map()?;
         let mask = both(frame.mask, self.mask.as_ref())?;
+        // An image that does not fit may be huge: looking for its features takes memory.
+        let nothing = Features::new();
+        let query = Query::new(&nothing)
+            .at(frame.time)
+            .with_image_size(frame.image.size());
+        self.localizer.check(&query)?;
 
         let begun = Instant::now();
         (self.extractor).extract_into(frame.image, mask.as_ref(), &mut self.features)?;

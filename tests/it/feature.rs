@@ -608,7 +608,7 @@ fn files_that_are_no_images_say_so() {
     assert!(complaint(&text, ErrorKind::Format).contains("not an image"));
     assert_eq!(
         load(folder.0.path()).expect_err("a folder").kind(),
-        ErrorKind::Io
+        ErrorKind::Format
     );
     let float = image::DynamicImage::from(image::Rgb32FImage::new(4, 4));
     let float = folder.encoded("float.tiff", &float);

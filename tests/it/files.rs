@@ -20,21 +20,20 @@ const WRITES: [&str; 7] = [
 ];
 
 /// What opens one to be read.
-const READS: [&str; 4] = ["File::open", "fs::read(", "fs::read_to_string", "read_link"];
+const READS: [&str; 6] = [
+    "File::open",
+    "fs::read(",
+    "fs::read_to_string",
+    "read_link",
+    "ImageReader::open",
+    "image::open",
+];
 
 /// Where files are opened otherwise, and why.
-const READERS: [(&str, &str); 4] = [
-    (
-        "src/feature/",
-        "images, whose decoding has limits of its own",
-    ),
-    ("src/dataset/", "indices and lists of images"),
-    ("crates/cli/src/pictures.rs", "the index beside an image"),
-    (
-        "crates/store/src/heal.rs",
-        "to synchronise a file that is there",
-    ),
-];
+const READERS: [(&str, &str); 1] = [(
+    "crates/store/src/heal.rs",
+    "to synchronise a file that is there",
+)];
 
 /// Where files are written otherwise, and why.
 const WRITERS: [(&str, &str); 1] = [(

@@ -255,7 +255,7 @@ fn honest_visits_are_rarely_held_and_can_be_accepted_or_rejected() {
     );
     assert_eq!(learner.held().visits().len(), held.len() + 1);
     let [first, second] = [(); 2].map(|()| learner.snapshot().expect("in step"));
-    let value = |of: &Snapshot| Arc::clone(&of.attachments["held"]);
+    let value = |of: &Snapshot| Arc::clone(&of.attachments[&format!("held-{id}")]);
     assert!(Arc::ptr_eq(&value(&first), &value(&second)), "written once");
     assert_eq!(Quarantine::of(&second).expect("ours"), *learner.held());
     let mut other = Learner::resume(
@@ -271,6 +271,87 @@ fn honest_visits_are_rarely_held_and_can_be_accepted_or_rejected() {
     let after = learner.snapshot().expect("in step");
     assert_eq!(after.summary().num_visits, before.summary().num_visits + 1);
     assert!(after.nodes[0].visits.iter().any(|visit| visit.id == id));
+}
+
+/// More visits are held than are kept whole: the others are known all the same.
+#[test]
+fn what_was_held_is_not_learnt_by_repeating_the_update() {
+    let nothing = Features::new();
+    let start = Time::parse("2024-03-01T00:00:00Z").expect("valid");
+    let update = |learner: &mut Learner| {
+        let (mut num_new, mut num_given_up) = (0, 0);
+        for hour in 0..700 {
+            let observation = Observation {
+                place: world().places()[0].clone(),
+                session: SessionId::derive("covered"),
+                time: start.plus_us(hour * 3_600_000_000),
+                features: &nothing,
+                image_size: (448, 384),
+                mask: None,
+                source: format!("{hour}.png"),
+            };
+            let learnt = learner.observe(&observation).expect("fits");
+            assert!(learnt.doubt.is_some());
+            num_new += usize::from(!learnt.is_same_visit);
+            num_given_up += learnt.num_given_up;
+        }
+        (num_new, num_given_up)
+    };
+    let mut learner = Learner::resume(LearnConfig::default(), clean().clone()).expect("sound");
+    let (num_new, num_given_up) = update(&mut learner);
+    assert_eq!(num_new, 700);
+    assert!(num_given_up > 0 && num_given_up == learner.held().given_up().len());
+    let first = Snapshot::clone(&learner.snapshot().expect("in step"));
+    assert_eq!(update(&mut learner), (0, 0));
+    let mut other = Learner::resume(LearnConfig::default(), first.clone()).expect("sound");
+    assert_eq!(update(&mut other), (0, 0));
+    assert_eq!(other.snapshot().expect("in step").digest(), first.digest());
+    assert_eq!(first.summary().num_visits, clean().summary().num_visits);
+    // Somebody says that one of them may be looked at again.
+    let id = other.held().given_up()[0].id;
+    assert!(other.accept(id).is_err(), "its features are gone");
+    other.reject(id).expect("known");
+    assert_eq!(update(&mut other).0, 1);
+}
+
+/// An update that is killed and repeated holds and learns what one does that nothing disturbed.
+#[test]
+fn what_is_believed_does_not_depend_on_when_a_process_was_started() {
+    // Few visits before, so that thresholds move and models are fitted anew under way.
+    let schedule = schedule();
+    let early: Vec<Time> = schedule.learn.iter().copied().step_by(4).collect();
+    let meta = MapMeta::new(derived_uuid("guard"), extractor().id(), "default");
+    let mut learner = Learner::new(LearnConfig::default(), meta);
+    for it in &visits(&early, 0) {
+        observe(&mut learner, "honest", it).expect("fits");
+    }
+    let start = Snapshot::clone(&learner.snapshot().expect("in step"));
+    let mut later = visits(&schedule.learn, 6);
+    later.extend(poison());
+    later.sort_by_key(|it| (it.time, it.place));
+    let learn = |steps: usize| {
+        let resume = |snapshot| Learner::resume(LearnConfig::default(), snapshot).expect("sound");
+        let mut learner = resume(start.clone());
+        let mut num_held = 0;
+        for (number, it) in later.iter().enumerate() {
+            if number % steps == steps - 1 {
+                learner = resume(Snapshot::clone(&learner.snapshot().expect("in step")));
+            }
+            match observe_as(&mut learner, "later", it, number % 3 == 0) {
+                Ok(learnt) => num_held += usize::from(learnt.doubt.is_some()),
+                Err(error) => assert_eq!(error.kind(), ErrorKind::AlreadyExists),
+            }
+        }
+        let learnt = Snapshot::clone(&learner.snapshot().expect("in step"));
+        (learnt, num_held)
+    };
+    let (at_once, num_held) = learn(later.len() + 1);
+    assert!(num_held > 10, "{num_held} held");
+    // In steps of 1, too, which takes a minute.
+    for steps in [9, 31] {
+        let (resumed, _) = learn(steps);
+        assert_eq!(resumed.digest(), at_once.digest(), "in steps of {steps}");
+    }
 }
 
 /// Also of what a mask hid.

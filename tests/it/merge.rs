@@ -297,6 +297,7 @@ fn learning_a_union_again_is_learning_it_at_once() {
         source: "covered.png".into(),
         image_size: (640, 480),
         mask: None,
+        is_labelled: false,
         reason: QuarantineReason::Blind {
             num_features: 0,
             gray_range: None,

@@ -375,7 +375,7 @@ fn colmap_1520_the_size_of_most_images_counts_or_that_of_the_manifest() {
         .save(folder.path().join("0.png"))
         .expect("encodes");
     let mut dataset = Dataset::open(folder.path()).expect("a dataset");
-    assert_eq!(dataset.set_aside(None, None), Some((40, 30)));
+    assert_eq!(dataset.set_aside(None, None), (Some((40, 30)), 0));
     assert_eq!(dataset.entries.len(), 2);
     let message = &dataset.problems[0].message;
     assert!(
@@ -386,8 +386,87 @@ fn colmap_1520_the_size_of_most_images_counts_or_that_of_the_manifest() {
     let manifest = "name = 'a'\nimage_size = [30, 40]\n[time]\nclock = 'real'\n";
     std::fs::write(folder.path().join("dataset.toml"), manifest).expect("writable");
     let mut dataset = Dataset::open(folder.path()).expect("a dataset");
-    assert_eq!(dataset.set_aside(None, None), Some((30, 40)));
+    assert_eq!(dataset.set_aside(None, None), (Some((30, 40)), 0));
     assert_eq!(dataset.entries.len(), 1);
+}
+
+#[test]
+fn colmap_1520_an_image_of_the_same_shape_is_scaled_to_the_size_of_most() {
+    let rows = [
+        "a,2024-05-01T09:00:00Z,0.png",
+        "a,2024-05-02T09:00:00Z,1.png",
+        "a,2024-05-03T09:00:00Z,2.png",
+    ];
+    let folder = dataset_of("place,time,path", &rows, &["1.png", "2.png"]);
+    noise(80, 60)
+        .save(folder.path().join("0.png"))
+        .expect("encodes");
+    let mut dataset = Dataset::open(folder.path()).expect("a dataset");
+    assert_eq!(dataset.set_aside(None, None), (Some((40, 30)), 1));
+    assert_eq!(dataset.problems, []);
+    for entry in &dataset.entries {
+        let image = entry.source.load().expect("an image");
+        assert_eq!(image.size(), (40, 30), "{}", entry.id);
+    }
+    let report = Dataset::open(folder.path())
+        .expect("a dataset")
+        .check(|_, _| {});
+    assert!(report.is_clean(), "{report}");
+}
+
+/// A grey picture of 4 x 2 px, whose offsets have eight bytes.
+fn big_tiff(is_big_endian: bool) -> Vec<u8> {
+    let n16 = |n: u16| {
+        if is_big_endian {
+            n.to_be_bytes()
+        } else {
+            n.to_le_bytes()
+        }
+    };
+    let n64 = |n: u64| {
+        if is_big_endian {
+            n.to_be_bytes()
+        } else {
+            n.to_le_bytes()
+        }
+    };
+    let mut bytes = if is_big_endian {
+        b"MM".to_vec()
+    } else {
+        b"II".to_vec()
+    };
+    bytes.extend([n16(43), n16(8), n16(0)].concat());
+    bytes.extend(n64(16));
+    let entries: [(u16, u16); 9] = [
+        (256, 4),
+        (257, 2),
+        (258, 8),
+        (259, 1),
+        (262, 1),
+        (273, 16 + 8 + 9 * 20 + 8),
+        (277, 1),
+        (278, 2),
+        (279, 8),
+    ];
+    bytes.extend(n64(entries.len() as u64));
+    for (tag, value) in entries {
+        // A short stands at the beginning of its field.
+        bytes.extend([n16(tag), n16(3)].concat());
+        bytes.extend(n64(1));
+        bytes.extend([n16(value), n16(0), n16(0), n16(0)].concat());
+    }
+    bytes.extend(n64(0));
+    bytes.extend([1, 2, 3, 4, 250, 251, 252, 253]);
+    bytes
+}
+
+#[test]
+fn pillow_4513_a_big_tiff_is_read() {
+    for is_big_endian in [false, true] {
+        let image = decode(&big_tiff(is_big_endian)).expect("a picture");
+        assert_eq!(image.size(), (4, 2));
+        assert_eq!(image.data(), [1, 2, 3, 4, 250, 251, 252, 253]);
+    }
 }
 
 #[test]

@@ -41,7 +41,13 @@ const TARGETS: [(&str, Target); 12] = [
 ];
 
 /// What other rooms keep with a map, as the first byte of an input of [`attachment`] numbers them.
-const ATTACHMENTS: [&str; 3] = ["held", "reobservation", "calibration"];
+const ATTACHMENTS: [&str; 5] = [
+    "held",
+    "reobservation",
+    "calibration",
+    "held-00000000000000000000000000000007",
+    "held-forgotten",
+];
 
 /// The files of an exported map, as the first byte of an input of [`exported_folder`] numbers them.
 const EXPORTED: [&str; 11] = [

@@ -28,7 +28,7 @@ use super::progress::Progress;
 use super::reading::ReadingArgs;
 use super::warnings::{print_held, print_num_held};
 use chronotope::dataset::{Clock, Dataset, Entry, Manifest, Problem, blind_doubt};
-use chronotope::error::{Error, ErrorKind, printable};
+use chronotope::error::{Error, ErrorKind};
 use chronotope::feature::{Extractor, ExtractorConfig, Features, GrayImage, StarBriefConfig};
 use chronotope::learn::{
     Circumstances, ClockPolicy, Judge, KeepAppearances, LearnConfig, Observation, Recipe,
@@ -161,7 +161,7 @@ pub(super) fn run(args: &BuildArgs, out: &mut Output) -> Result<Outcome> {
     interrupt::watch()?;
     let zone = args.reading.zone.as_ref().map(Zone::name);
     if let Some(zone) = zone.or(manifest.time.zone.as_deref()) {
-        eprintln!(
+        note!(
             "note: the map keeps its zone, {zone}, but rhythms of its places are those of UTC: when \
              summer time begins or ends they are an hour off until they are learnt anew"
         );
@@ -210,7 +210,7 @@ fn open_dataset(data: &Path, reading: &ReadingArgs) -> Result<(Manifest, Dataset
     let dataset = Dataset::read(&manifest, &data_dir, &reading.read_options())?
         .adjusted(&reading.load_options());
     if dataset.clock == Clock::None {
-        eprintln!(
+        note!(
             "warning: the times of `{}` only number its visits: localise with --method static or an \
              experience method",
             dataset.name
@@ -235,6 +235,8 @@ struct Build {
     num_learnt: usize,
     num_same_visit: usize,
     num_held: usize,
+    /// Visits held before whose features had to go.
+    num_given_up: usize,
     /// Images that the map had learnt by another name.
     num_known: usize,
 }
@@ -317,6 +319,7 @@ impl Build {
             num_learnt: 0,
             num_same_visit: 0,
             num_held: 0,
+            num_given_up: 0,
             num_known: 0,
         })
     }
@@ -325,7 +328,12 @@ impl Build {
     /// of them; and, where it is known what time it is, impossible times.
     fn set_aside(&mut self, now: Option<Time>) {
         let size = self.learner.map().snapshot().meta.image_size;
-        self.dataset.set_aside(now, size);
+        let (size, num_scaled) = self.dataset.set_aside(now, size);
+        if let Some((width, height)) = size.filter(|_| num_scaled > 0) {
+            note!(
+                "note: {num_scaled} images of another resolution are scaled to {width} x {height} px"
+            );
+        }
         self.problems.append(&mut self.dataset.problems);
     }
 
@@ -355,7 +363,7 @@ impl Build {
             Ok(snapshot) => {
                 self.list_problems();
                 if self.num_known > 0 {
-                    eprintln!("{} images were learnt before", self.num_known);
+                    note!("{} images were learnt before", self.num_known);
                 }
                 self.count_same_visit();
                 self.count_held();
@@ -383,7 +391,7 @@ impl Build {
             .collect();
         let num_known = entries.len() - pending.len();
         if num_known > 0 {
-            eprintln!(
+            note!(
                 "going on: {num_known} of {} visits are in {}",
                 entries.len(),
                 self.learner.map().path().display()
@@ -406,7 +414,7 @@ impl Build {
                     // The same image by another name.
                     Err(error) if error.kind() == ErrorKind::AlreadyExists => self.num_known += 1,
                     Err(error) => {
-                        (self.problems).push(Problem::new(&entry.id, error.to_string()));
+                        self.problems.push(Problem::of(&entry.id, error));
                     }
                 }
                 num_done += 1;
@@ -429,7 +437,8 @@ impl Build {
         let visits = (snapshot.nodes.iter())
             .flat_map(|node| node.visits.iter().map(move |visit| (node, visit)))
             .map(|(node, visit)| (node.key.clone(), visit.time, visit.source.clone()));
-        let held = (self.learner.learner().held().visits().iter())
+        let held = self.learner.learner().held();
+        let held = (held.visits().iter().chain(held.given_up()))
             .map(|visit| (visit.place.clone(), visit.time, visit.source.clone()));
         visits.chain(held).collect()
     }
@@ -474,6 +483,7 @@ impl Build {
         }
         if let Some(doubt) = &learnt.doubt {
             self.num_held += 1;
+            self.num_given_up += learnt.num_given_up;
             print_held(&entry.id, doubt, &self.out);
             return Ok(());
         }
@@ -527,14 +537,14 @@ impl Build {
         let num_kept = self.learner.map().snapshot().summary().num_visits;
         self.remove_if_empty();
         if num_kept > 0 {
-            eprintln!(
+            note!(
                 "interrupted: {num_kept} visits are safe in {}; to go on, give the same command again",
                 self.learner.map().path().display()
             );
         } else if self.commits_early() {
-            eprintln!("interrupted: nothing was learnt yet; to start, give the same command again");
+            note!("interrupted: nothing was learnt yet; to start, give the same command again");
         } else {
-            eprintln!(
+            note!(
                 "interrupted: the reference recipe writes its map at the end, so nothing is kept; to \
                  start, give the same command again"
             );
@@ -550,7 +560,7 @@ impl Build {
             self.remove_if_empty();
             return error;
         }
-        eprintln!(
+        note!(
             "note: {num_kept} visits are safe in {}; to go on, give the same command again",
             self.learner.map().path().display()
         );
@@ -569,7 +579,7 @@ impl Build {
     /// Says how many images were no visits of their own.
     fn count_same_visit(&self) {
         if self.num_same_visit > 0 {
-            eprintln!(
+            note!(
                 "note: {} more images belong to these visits: their place was seen less than {} s \
                  before",
                 self.num_same_visit,
@@ -583,25 +593,26 @@ impl Build {
         if self.num_held == 0 {
             return;
         }
-        let num_kept = self.learner.learner().held().visits().len();
-        print_num_held(num_kept, &self.out);
-        if num_kept < self.num_held {
-            eprintln!(
-                "warning: {} visits were held in this run, and there is no room for all: the oldest \
-                 are gone, and are judged again if this command is repeated",
-                self.num_held
+        let held = self.learner.learner().held();
+        print_num_held(held.visits().len(), &self.out);
+        if self.num_given_up > 0 {
+            note!(
+                "warning: there is no room for all visits that are held: in this run the features of \
+                 {} older ones were given up, which can only be dropped and learnt again from their \
+                 images",
+                self.num_given_up
             );
         }
     }
 
     fn list_problems(&self) {
         for problem in &self.problems {
-            eprintln!("problem: {}", printable(&problem.to_string()));
+            note!("problem: {problem}");
         }
         match self.problems.len() {
             0 => {}
-            1 => eprintln!("1 problem: the above was left out"),
-            count => eprintln!("{count} problems: the above were left out"),
+            1 => note!("1 problem: the above was left out"),
+            count => note!("{count} problems: the above were left out"),
         }
     }
 }

@@ -10,12 +10,13 @@ use serde_json::json;
 use super::arguments::ShownMap;
 use super::outcome::Outcome;
 use super::output::{Output, contents, hex};
-use chronotope::map::{Generation, Map};
-use chronotope::time::Period;
+use chronotope::map::{Generation, Map, SessionId, Snapshot};
+use chronotope::time::{Period, Time};
 
 /// List the generations of a map, oldest first.
 ///
-/// A generation is what one commit left. Any of them can be returned to with `map rollback`.
+/// A generation is what one commit left. Any of them can be returned to with `map rollback`. Below
+/// them stand the runs (sessions) whose visits the newest one holds: `map forget` takes one back.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -74,7 +75,10 @@ pub(super) struct PruneArgs {
 
 pub(super) fn log(args: &LogArgs, out: &mut Output) -> Result<Outcome> {
     let args = &args.shown;
-    let generations = Map::open_read_only(&args.map)?.generations()?;
+    let map = Map::open_read_only(&args.map)?;
+    let generations = map.generations()?;
+    let sessions = sessions_of(&map.snapshot());
+    let newest = generations.last().map(|it| it.number);
     let lead_here = line_of(&generations);
     let by_number: BTreeMap<u64, &Generation> =
         generations.iter().map(|it| (it.number, it)).collect();
@@ -89,6 +93,17 @@ pub(super) fn log(args: &LogArgs, out: &mut Output) -> Result<Outcome> {
         let visits = added(|it| it.num_visits);
         let features = added(|it| it.num_features);
         if args.json {
+            let sessions: Vec<_> = (sessions.iter())
+                .filter(|_| newest == Some(it.number))
+                .map(|(session, run)| {
+                    json!({
+                        "session": session.to_string(),
+                        "num_visits": run.num_visits,
+                        "first": run.first.to_string(),
+                        "last": run.last.to_string(),
+                    })
+                })
+                .collect();
             out.json(&json!({
                 "number": it.number,
                 "parent": it.parent,
@@ -102,6 +117,7 @@ pub(super) fn log(args: &LogArgs, out: &mut Output) -> Result<Outcome> {
                 "added_visits": visits,
                 "added_features": features,
                 "digest": hex(&it.digest),
+                "sessions": sessions,
             }))?;
             continue;
         }
@@ -122,7 +138,40 @@ pub(super) fn log(args: &LogArgs, out: &mut Output) -> Result<Outcome> {
             if is_in_line { "" } else { " (rolled back)" }
         ))?;
     }
+    if !args.json {
+        for (session, run) in &sessions {
+            out.line(format_args!(
+                "session {session}  {} visits, {} to {}",
+                run.num_visits, run.first, run.last
+            ))?;
+        }
+    }
     Ok(Outcome::Good)
+}
+
+/// What a map holds of one run.
+struct Run {
+    num_visits: usize,
+    first: Time,
+    last: Time,
+}
+
+/// The runs whose visits a map holds, in order of their first one.
+fn sessions_of(snapshot: &Snapshot) -> Vec<(SessionId, Run)> {
+    let mut runs: BTreeMap<SessionId, Run> = BTreeMap::new();
+    for visit in snapshot.nodes.iter().flat_map(|node| &node.visits) {
+        let run = runs.entry(visit.session).or_insert(Run {
+            num_visits: 0,
+            first: visit.time,
+            last: visit.time,
+        });
+        run.num_visits += 1;
+        run.first = run.first.min(visit.time);
+        run.last = run.last.max(visit.time);
+    }
+    let mut runs: Vec<(SessionId, Run)> = runs.into_iter().collect();
+    runs.sort_by_key(|(session, run)| (run.first, *session));
+    runs
 }
 
 /// The generations that lead to the newest one.

@@ -11,9 +11,9 @@ use super::arguments::ShownMap;
 use super::config::Config;
 use super::outcome::Outcome;
 use super::output::Output;
-use chronotope::error::{Error, ErrorKind};
+use chronotope::error::{Error, ErrorKind, printable};
 use chronotope::learn::{Learner, forget_session};
-use chronotope::map::{Map, Quarantine, QuarantinedVisit, SessionId, Snapshot, VisitId};
+use chronotope::map::{Map, Quarantine, SessionId, Snapshot, VisitId};
 
 /// List the visits that a map holds without having learnt them, each with the reason.
 ///
@@ -89,7 +89,8 @@ pub(super) fn held(args: &HeldArgs, out: &mut Output) -> Result<Outcome> {
     let args = &args.shown;
     let map = Map::open_read_only(&args.map)?;
     let held = held_by(&map)?;
-    for it in held.visits() {
+    let given_up = held.given_up().iter().map(|it| (it, true));
+    for (it, is_given_up) in given_up.chain(held.visits().iter().map(|it| (it, false))) {
         if args.json {
             out.json(&json!({
                 "visit": it.id.to_string(),
@@ -98,20 +99,39 @@ pub(super) fn held(args: &HeldArgs, out: &mut Output) -> Result<Outcome> {
                 "time": it.time.to_string(),
                 "source": it.source,
                 "num_features": it.features.len(),
+                "given_up": is_given_up,
                 "doubt": it.reason,
                 "reason": it.reason.to_string(),
             }))?;
         } else {
             let id = it.id.to_string();
             out.line(format_args!(
-                "{}  {}  {}  {}: {}",
+                "{}  {}  {}  {}: {}{}",
                 id.get(..8).unwrap_or(&id),
                 it.time,
-                it.place,
-                it.source,
-                it.reason
+                printable(it.place.as_str()),
+                printable(&it.source),
+                it.reason,
+                if is_given_up {
+                    " (its features were given up)"
+                } else {
+                    ""
+                }
             ))?;
         }
+    }
+    if !held.given_up().is_empty() {
+        note!(
+            "note: of the {} oldest visits the features were given up, because more are not kept: they \
+             cannot be accepted. `map drop` forgets them, and then their images can be learnt again",
+            held.given_up().len()
+        );
+    }
+    if held.num_forgotten() > 0 {
+        note!(
+            "note: {} more were held before these and are forgotten",
+            held.num_forgotten()
+        );
     }
     Ok(Outcome::Good)
 }
@@ -120,7 +140,7 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut Output) -> Result<Outcome> {
     let map = Map::open(&args.which.map)?;
     let snapshot = map.snapshot();
     let config = Config::read_for(&snapshot.meta, args.config.as_deref())?;
-    let ids = args.which.find(&map)?;
+    let ids = args.which.find(&map, false)?;
     let generation = map.update(|snapshot| {
         let mut learner = Learner::resume(config.learn.clone(), snapshot.clone())?;
         for &id in &ids {
@@ -138,7 +158,7 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut Output) -> Result<Outcome> {
 
 pub(super) fn drop_held(args: &DropArgs, out: &mut Output) -> Result<Outcome> {
     let map = Map::open(&args.which.map)?;
-    let ids = args.which.find(&map)?;
+    let ids = args.which.find(&map, true)?;
     let generation = map.update(|snapshot| {
         let mut snapshot = snapshot.clone();
         let mut held = Quarantine::of(&snapshot)?;
@@ -197,15 +217,19 @@ fn held_by(map: &Map) -> Result<Quarantine> {
 }
 
 impl Which {
-    /// The visits that are meant.
-    fn find(&self, map: &Map) -> Result<Vec<VisitId>> {
+    /// The visits that are meant; `with_given_up`: also of those that cannot be accepted.
+    fn find(&self, map: &Map, with_given_up: bool) -> Result<Vec<VisitId>> {
         let held = held_by(map)?;
+        let given_up = held.given_up().iter().filter(|_| with_given_up);
+        let known: Vec<VisitId> = (held.visits().iter().chain(given_up))
+            .map(|it| it.id)
+            .collect();
         if self.all {
-            return Ok(held.visits().iter().map(|it| it.id).collect());
+            return Ok(known);
         }
         let mut ids = Vec::new();
         for text in &self.ids {
-            let id = one(held.visits(), text).map_err(|error| error.with_path(map.path()))?;
+            let id = one(&known, text).map_err(|error| error.with_path(map.path()))?;
             if !ids.contains(&id) {
                 ids.push(id);
             }
@@ -215,11 +239,11 @@ impl Which {
 }
 
 /// The one visit whose identity begins like this.
-fn one(held: &[QuarantinedVisit], text: &str) -> chronotope::Result<VisitId> {
+fn one(held: &[VisitId], text: &str) -> chronotope::Result<VisitId> {
     let text = text.to_lowercase();
-    let mut found = (held.iter()).filter(|it| it.id.to_string().starts_with(&text));
+    let mut found = (held.iter()).filter(|it| it.to_string().starts_with(&text));
     let (kind, message) = match (found.next(), found.next()) {
-        (Some(it), None) => return Ok(it.id),
+        (Some(it), None) => return Ok(*it),
         (Some(_), Some(_)) => (
             ErrorKind::Config,
             format!("several visits begin with `{text}`"),

@@ -17,14 +17,14 @@ use super::pictures::{Picture, Pictures, TimeSource};
 use super::reading::{Adjust, ReadingArgs};
 use super::warnings::{print_held, print_num_held, warn_of_time};
 use super::within::Within;
-use chronotope::error::Error;
+use chronotope::error::{Error, printable};
 use chronotope::feature::{LoadOptions, load_mask};
 use chronotope::learn::{BudgetConfig, LearnConfig};
 use chronotope::localize::{
     Candidate, Decision, IndexCache, Localization, Localizer, LocalizerConfig, Method, Preset,
     Score,
 };
-use chronotope::map::{Map, MapMeta, NodeId, PlaceKey};
+use chronotope::map::{Map, MapMeta, NodeId, PlaceKey, Snapshot};
 use chronotope::predict::Selection;
 use chronotope::robot::{Event, Frame, Robot, RobotConfig};
 use chronotope::time::Time;
@@ -133,9 +133,18 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
     let Some(path) = &args.map else {
         bail!("MAP is missing");
     };
-    let needs_time = config.localize.method().needs_time();
     let (trace, results) = args.outputs(out)?;
-    let robot = Robot::open(path, args.robot(config)?)?;
+    let mut robot = Robot::open(path, args.robot(config.clone())?)?;
+    let is_preset = config.localize.method() == LocalizerConfig::preset(preset).method();
+    if is_preset && args.method.is_none() && counts_visits(robot.localizer().snapshot()) {
+        note!(
+            "note: the times of this map only number its visits, so it is localised by --method static"
+        );
+        config.localize = config.localize.with_method(Method::Static);
+        drop(robot);
+        robot = Robot::open(path, args.robot(config.clone())?)?;
+    }
+    let needs_time = config.localize.method().needs_time();
     let mut guide = Guide::new(args, robot, trace, results);
     guide.form = match (args.json, args.images.len()) {
         (true, _) => Form::Json,
@@ -151,6 +160,7 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
         return guide.finish(args.learn);
     }
     let mut pictures = Pictures::new(
+        &args.images,
         args.time,
         needs_time,
         args.manifest.as_deref(),
@@ -187,6 +197,15 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
         }
     }
     guide.finish(args.learn)
+}
+
+/// Whether a map's times are no clock's: all of them lie before any camera's clock was right.
+fn counts_visits(snapshot: &Snapshot) -> bool {
+    const FIRST_TIME: Time = Time::from_s(946_684_800);
+    snapshot
+        .summary()
+        .last
+        .is_some_and(|last| last < FIRST_TIME)
 }
 
 impl LocalizeArgs {
@@ -361,7 +380,7 @@ impl<'o> Guide<'o> {
 
     /// Says why a picture has no answer, and goes on.
     fn fail(&mut self, error: &Error, image: impl AsRef<Path>) -> Result<()> {
-        eprintln!("error: {error}");
+        note!("error: {error}");
         self.outcome = Outcome::Failed;
         if self.form == Form::Json {
             self.out.json(&json!({
@@ -434,7 +453,7 @@ impl<'o> Guide<'o> {
             (self.learns, answer.decision, &picture.truth)
             && localizer.snapshot().node(id).key != *truth
         {
-            eprintln!(
+            note!(
                 "warning: {}: learnt as `{}`, where it was located, but its index says `{truth}`",
                 picture.name,
                 localizer.snapshot().node(id).key
@@ -486,14 +505,16 @@ impl<'o> Guide<'o> {
                     );
                     if learnt.num_forgotten > 0 && !self.is_full {
                         self.is_full = true;
-                        eprintln!(
+                        note!(
                             "warning: the map has reached its budget: from now on it forgets what is \
                              least useful ([learn.budget] of --config says how large it may become)"
                         );
                     }
                 }
-                Event::NotLearnt { source, error } => eprintln!("not learnt: {source}: {error}"),
-                Event::NotCommitted { error } => eprintln!("not written yet: {error}"),
+                Event::NotLearnt { source, error } => {
+                    note!("not learnt: {source}: {}", error.without_path());
+                }
+                Event::NotCommitted { error } => note!("not written yet: {error}"),
                 _ => {}
             }
         }
@@ -510,12 +531,13 @@ impl<'o> Guide<'o> {
             let path = self.robot.path().display().to_string();
             let session = self.robot.session();
             let totals = self.robot.finish()?;
-            eprintln!(
+            note!(
                 "learnt: {} visits, {} held; {path} is at generation {generation}",
-                totals.num_learnt, totals.num_quarantined
+                totals.num_learnt,
+                totals.num_quarantined
             );
             if totals.num_same_visit > 0 {
-                eprintln!(
+                note!(
                     "note: {} more images belong to these visits or to those just before",
                     totals.num_same_visit
                 );
@@ -527,9 +549,7 @@ impl<'o> Guide<'o> {
                 }
             }
             if totals.num_learnt + totals.num_quarantined > 0 {
-                eprintln!(
-                    "to take this run back: chronotope map forget {path} --session {session}"
-                );
+                note!("to take this run back: chronotope map forget {path} --session {session}");
             }
         }
         Ok(self.outcome)
@@ -665,7 +685,7 @@ impl<'a> Report<'a> {
         };
         format!(
             "{}  {}  first {}  second {}  moved {}  {}",
-            self.image,
+            printable(self.image),
             self.verdict(),
             score(&self.best),
             score(&self.second),
@@ -713,7 +733,7 @@ impl<'a> Report<'a> {
              second        {}\n\
              matches       {} of {} features, {} agree on the displacement\n\
              displacement  {}{spread}{ranking}",
-            self.image,
+            printable(self.image),
             self.verdict(),
             self.reason,
             share(&self.best),

@@ -5,6 +5,16 @@
 //! an error, 130 interrupted. Nothing here computes: each command reads its arguments, calls the
 //! rooms below and shows what they say.
 
+/// One line on stderr: names in it come from outside, so nothing of it reaches a terminal that this
+/// would obey. Where nothing can be written there (a full disk, nobody who reads) nothing is said.
+macro_rules! note {
+    ($($words:tt)*) => {{
+        let line = format!($($words)*);
+        let line = chronotope::error::printable(&line);
+        let _ = std::io::Write::write_fmt(&mut std::io::stderr(), format_args!("{line}\n"));
+    }};
+}
+
 mod arguments;
 mod build;
 mod calibrate;
@@ -37,7 +47,7 @@ mod within;
 use std::io::IsTerminal;
 use std::process::ExitCode;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use clap::{ArgAction, Parser, Subcommand};
 
 use chronotope::error::describe;
@@ -131,7 +141,7 @@ fn main() -> ExitCode {
         // The reader has seen enough (`| head`).
         Err(error) if output::is_closed_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", describe(error.as_ref()));
+            note!("error: {}", describe(error.as_ref()));
             Outcome::Failed.into()
         }
     }
@@ -139,6 +149,11 @@ fn main() -> ExitCode {
 
 impl Cli {
     fn run(self) -> Result<Outcome> {
+        // Started here, where a system that gives no more threads can be spoken of.
+        (rayon::ThreadPoolBuilder::new().build_global()).context(
+            "the system starts no more threads (help: end other programs, or set \
+                      RAYON_NUM_THREADS=1)",
+        )?;
         let kernel = Kernel::from_env()?;
         tracing::debug!(kernel = kernel.name(), "matching");
         let mut out = Output::stdout();

@@ -51,8 +51,8 @@ pub(super) fn run(args: &MakeIndexArgs, out: &mut Output) -> Result<Outcome> {
     let made = MadeIndex::of(&args.dir, args.from, &options)?;
     out.line(made.to_csv()?.trim_end())?;
     for problem in &made.problems {
-        eprintln!("problem: {problem}");
+        note!("problem: {problem}");
     }
-    eprintln!("{} images, {} left out", made.len(), made.problems.len());
+    note!("{} images, {} left out", made.len(), made.problems.len());
     Ok(Outcome::of_check(made.problems.is_empty()))
 }

@@ -12,7 +12,7 @@ use super::outcome::Outcome;
 use super::output::{Output, contents};
 use chronotope::error::{Error, ErrorKind};
 use chronotope::learn::{self, LearnConfig};
-use chronotope::map::{Map, Snapshot};
+use chronotope::map::{Map, Quarantine, Snapshot};
 
 /// Merge maps of the same places into a new one.
 ///
@@ -58,9 +58,9 @@ pub(super) fn run(args: &MergeArgs, out: &mut Output) -> Result<Outcome> {
     for (path, map) in args.maps.iter().zip(&maps) {
         num_visits += map.summary().num_visits;
         let others = (map.attachments.keys())
-            .filter(|name| !["held", "reobservation"].contains(&name.as_str()));
+            .filter(|name| *name != "reobservation" && !Quarantine::is_named(name));
         for name in others {
-            eprintln!(
+            note!(
                 "note: the attachment `{name}` of {} describes that map alone and is left out",
                 path.display()
             );

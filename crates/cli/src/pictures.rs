@@ -100,10 +100,22 @@ pub(super) struct Pictures {
     adjust: Adjust,
     /// What `--manifest` names.
     named: Option<Named>,
-    /// By folder: its index, why it cannot be read, or nothing where there is none.
-    indices: BTreeMap<PathBuf, Option<ReadIndex>>,
+    /// Names of the files that are asked about.
+    names: Arc<BTreeSet<String>>,
+    /// By folder: its index (that of these names, that of all), why it cannot be read, or nothing
+    /// where there is none.
+    indices: BTreeMap<(PathBuf, Rows), Option<ReadIndex>>,
     /// What was said of an index already.
     said: BTreeSet<String>,
+}
+
+/// Which rows of an index are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Rows {
+    /// Those of the names that are asked about.
+    Named,
+    /// All: an image may be listed by another name, that of a link to it.
+    All,
 }
 
 /// An index, or why it cannot be read.
@@ -142,8 +154,9 @@ pub(super) struct Listed {
 
 impl Pictures {
     /// `manifest` is the name of a supported dataset, a manifest or a folder; images are scaled to
-    /// `size` where they have its shape.
+    /// `size` where they have its shape; `images` are those that will be asked about.
     pub(super) fn new(
+        images: &[PathBuf],
         time: Option<Time>,
         needs_time: bool,
         manifest: Option<&str>,
@@ -160,6 +173,11 @@ impl Pictures {
             options,
             adjust: Adjust::new(reading.load_options(), size),
             named,
+            names: Arc::new(
+                (images.iter().filter_map(|image| image.file_name()))
+                    .map(|name| name.to_string_lossy().into_owned())
+                    .collect(),
+            ),
             indices: BTreeMap::new(),
             said: BTreeSet::new(),
         })
@@ -175,17 +193,20 @@ impl Pictures {
         }
         let mut broken_index = None;
         for folder in folders_above(path) {
-            match self.open(&folder) {
-                None => {}
-                Some(Err(error)) => {
-                    broken_index.get_or_insert(error);
-                }
-                Some(Ok(index)) => {
-                    if let Some(mut listed) = entries_of(&index, &file, path)? {
-                        for picture in &mut listed {
-                            picture.found_in = Some(Arc::clone(&index));
+            for rows in [Rows::Named, Rows::All] {
+                match self.open(&folder, rows) {
+                    None => break,
+                    Some(Err(error)) if rows == Rows::All => {
+                        broken_index.get_or_insert(error);
+                    }
+                    Some(Err(_)) => {}
+                    Some(Ok(index)) => {
+                        if let Some(mut listed) = entries_of(&index, &file, path)? {
+                            for picture in &mut listed {
+                                picture.found_in = Some(Arc::clone(&index));
+                            }
+                            return Ok(listed);
                         }
-                        return Ok(listed);
                     }
                 }
             }
@@ -205,17 +226,22 @@ impl Pictures {
     }
 
     /// The index in a folder, which is read once.
-    fn open(&mut self, folder: &Path) -> Option<ReadIndex> {
-        if !self.indices.contains_key(folder) {
+    fn open(&mut self, folder: &Path, rows: Rows) -> Option<ReadIndex> {
+        let key = (folder.to_owned(), rows);
+        if !self.indices.contains_key(&key) {
+            let options = ReadOptions {
+                only: (rows == Rows::Named).then(|| Arc::clone(&self.names)),
+                ..self.options.clone()
+            };
             let read = || {
                 let (manifest, data_dir) = Manifest::locate(folder)?;
-                Dataset::read(&manifest, &data_dir, &self.options)
+                Dataset::read(&manifest, &data_dir, &options)
             };
             let found =
                 (folder.join(INDEX).is_file()).then(|| read().map(Index::new).map_err(Arc::new));
-            self.indices.insert(folder.to_owned(), found);
+            self.indices.insert(key.clone(), found);
         }
-        match self.indices.get(folder)? {
+        match self.indices.get(&key)? {
             None => None,
             Some(Ok(index)) => Some(Ok(Arc::clone(index))),
             Some(Err(error)) => Some(Err(Arc::clone(error))),
@@ -226,6 +252,13 @@ impl Pictures {
     pub(super) fn load(&mut self, listed: Listed) -> Result<Picture> {
         let file = listed.source.path();
         let time = self.time_of(&listed, file.as_deref())?;
+        // What cannot be read is said when it is decoded.
+        if let Ok(Some(size)) = listed.source.size() {
+            self.adjust.check(size).map_err(|error| match &file {
+                Some(file) => error.with_path(file),
+                None => error,
+            })?;
+        }
         let (image, mask) = listed.source.load_masked()?;
         let mut recipe = listed.source.recipe();
         let (image, mask) = self.adjust.apply(image, mask, &mut recipe)?;
@@ -337,7 +370,7 @@ impl Pictures {
         let exif = exif_time(file, self.options.zone.as_ref()).unwrap_or_default();
         if let Some(exif) = exif.filter(|exif| exif.since_s(time).abs() > SAME_CLOCK_S) {
             self.said.insert(key);
-            eprintln!(
+            note!(
                 "warning: {}: its EXIF data say {exif}, but the index of `{}` above it says {time}, \
                  which counts; if that index is not of this image, name the right one by --manifest",
                 file.display(),
@@ -348,7 +381,7 @@ impl Pictures {
 
     fn say(&mut self, line: String) {
         if !self.said.contains(&line) {
-            eprintln!("{line}");
+            note!("{line}");
             self.said.insert(line);
         }
     }

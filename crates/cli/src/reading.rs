@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use chronotope::dataset::ReadOptions;
+use chronotope::dataset::{ReadOptions, scale_between};
 use chronotope::error::{Error, ErrorKind, Result};
 use chronotope::feature::{DecodeLimits, GrayImage, LoadOptions, Rect, Rotation};
 use chronotope::time::Zone;
@@ -23,7 +23,7 @@ pub(super) struct ReadingArgs {
     /// The zone of times without an offset (EXIF, index, names), such as Europe/Prague.
     #[arg(long, value_name = "ZONE")]
     pub(super) zone: Option<Zone>,
-    /// Images of more pixels than this are refused before they are decoded [default: 64000000].
+    /// Images of more pixels than this are refused before they are decoded [default: 25000000].
     #[arg(long, value_name = "PIXELS")]
     max_pixels: Option<u64>,
 }
@@ -43,6 +43,7 @@ impl ReadingArgs {
         ReadOptions {
             zone: self.zone.clone(),
             limits: self.limits(),
+            ..ReadOptions::default()
         }
     }
 
@@ -53,20 +54,6 @@ impl ReadingArgs {
             None => limits,
         }
     }
-}
-
-/// The factor by which an image of one size becomes one of another, if both have the same shape.
-///
-/// This is the rule for another camera's images: they are scaled if nothing is cut off or squeezed
-/// by it, to the pixel.
-pub(super) fn scale_between(from: (u32, u32), to: (u32, u32)) -> Option<f64> {
-    let fits = |scale: &f64| {
-        let side = |px: u32| (f64::from(px) * scale).round_ties_even() as u32;
-        (side(from.0), side(from.1)) == to
-    };
-    let factors =
-        [(to.0, from.0), (to.1, from.1)].map(|(to, from)| f64::from(to) / f64::from(from));
-    factors.into_iter().find(fits)
 }
 
 /// What is done to every image before it is a query.
@@ -86,6 +73,24 @@ impl Adjust {
         }
     }
 
+    /// Whether an image of this size, by the head of its file, can become one of the map's size.
+    ///
+    /// So a picture that does not fit is not decoded, however large it is.
+    pub(super) fn check(&self, found: (u32, u32)) -> Result<()> {
+        let from = self.options.size_of(found);
+        match self.size {
+            Some(to) if from != to && scale_between(from, to).is_none() => Err(Error::new(
+                ErrorKind::Shape,
+                format!(
+                    "the image has {} x {} px, but the map was learnt from {} x {} px",
+                    from.0, from.1, to.0, to.1
+                ),
+            )
+            .with_help("turn, crop or scale it (--rotate, --crop, --scale) to that shape")),
+            _ => Ok(()),
+        }
+    }
+
     /// Turns, cuts and scales as the options say, then to the size of the map's images, if the
     /// image has their shape; adds to the recipe what was done.
     pub(super) fn apply(
@@ -102,9 +107,12 @@ impl Adjust {
             Some(scale) if from != to => {
                 if !self.is_told {
                     self.is_told = true;
-                    eprintln!(
+                    note!(
                         "note: images of {} x {} px are scaled to {} x {} px, as the map's are",
-                        from.0, from.1, to.0, to.1
+                        from.0,
+                        from.1,
+                        to.0,
+                        to.1
                     );
                 }
                 step(
@@ -185,18 +193,6 @@ fn bad(message: String, help: &str) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn images_of_one_shape_are_scaled_and_others_are_not() {
-        assert_eq!(scale_between((1280, 960), (640, 480)), Some(0.5));
-        assert_eq!(scale_between((320, 240), (640, 480)), Some(2.0));
-        assert_eq!(
-            scale_between((1365, 768), (1024, 576)),
-            Some(1024.0 / 1365.0)
-        );
-        assert_eq!(scale_between((480, 640), (640, 480)), None);
-        assert_eq!(scale_between((640, 480), (640, 360)), None);
-    }
 
     #[test]
     fn what_cannot_be_done_to_an_image_is_refused() {

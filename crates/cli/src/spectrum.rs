@@ -182,7 +182,7 @@ fn note_daylight_saving(series: &Series) -> Result<()> {
                 None => *by_utc.insert(error(series)?),
             };
         if error(&series.in_zone(&zone))? < limit {
-            eprintln!(
+            note!(
                 "note: between {} and {} the rhythms move when the clocks of {region} change; name \
                  the zone, such as --zone {name}, so that predictions move with them",
                 to_the_second(first.0),

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use fremen::error::{Error, ErrorKind, Result};
 
-/// No table that is read here has more: a small file cannot claim more memory than that.
-const MAX_BYTES: u64 = 4 << 30;
+/// Bytes of what is read here, unpacked, at most: a small file cannot claim more memory than that.
+const MAX_BYTES: u64 = 1 << 27;
 
 /// All of a file, or of stdin (`-`), unpacked if it is packed with gzip.
 pub(super) fn unpacked(path: &Path) -> Result<Vec<u8>> {

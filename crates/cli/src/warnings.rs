@@ -4,15 +4,13 @@
 
 use std::path::Path;
 
-use chronotope::error::printable;
 use chronotope::map::{QuarantineReason, Snapshot};
 use chronotope::time::{Period, Time};
 
 /// Says that a visit was not learnt, and why.
 pub(super) fn print_held(source: &str, doubt: &QuarantineReason, map: &Path) {
-    eprintln!(
-        "held: {}: {doubt} (`chronotope map held {}` lists all)",
-        printable(source),
+    note!(
+        "held: {source}: {doubt} (`chronotope map held {}` lists all)",
         map.display()
     );
 }
@@ -23,7 +21,7 @@ pub(super) fn print_num_held(num_held: usize, map: &Path) {
         1 => ("1 visit is".to_owned(), map.display()),
         _ => (format!("{num_held} visits are"), map.display()),
     };
-    eprintln!(
+    note!(
         "{what} held and not learnt: `chronotope map held {map}` lists them, `chronotope map accept \
          {map} --all` learns them, `chronotope map drop {map} --all` forgets them"
     );
@@ -39,10 +37,10 @@ pub(super) fn warn_of_time(snapshot: &Snapshot, time: Time, name: Option<&str>) 
     let name = name.map_or_else(String::new, |name| format!("{name}: "));
     let far_s = last.since_s(first).max(Period::YEAR.as_s());
     if time < first {
-        eprintln!("warning: {name}{time} is before the map's first visit at {first}");
+        note!("warning: {name}{time} is before the map's first visit at {first}");
     } else if time.since_s(last) > far_s {
         let years = time.since_s(last) / Period::YEAR.as_s();
-        eprintln!(
+        note!(
             "warning: {name}{time} is {years:.1} years after the map's last visit at {last}: its \
              rhythms may have changed"
         );

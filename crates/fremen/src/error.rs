@@ -130,6 +130,13 @@ impl Error {
         self
     }
 
+    /// Leaves the file out, where whoever shows the error names it already.
+    #[must_use]
+    pub fn without_path(mut self) -> Self {
+        self.0.path = None;
+        self
+    }
+
     /// Names the place inside the file (`line 7`, `table visit, row 3`), unless already named.
     #[must_use]
     pub fn with_place(mut self, place: impl Into<String>) -> Self {

@@ -12,4 +12,4 @@ mod retrieval;
 mod scoring;
 pub mod statistics;
 
-pub use posteriors::{DECIDING_SCORE, judge_all};
+pub use posteriors::{decides, judge_all};

@@ -32,8 +32,10 @@ const JUDGED_N: [u32; 3] = [30, 50, 100];
 /// What the default score is compared with.
 const PLAIN_SCORES: [&str; 2] = ["inliers", "count"];
 
-/// The score whose decisions are taken by risk while localising.
-pub const DECIDING_SCORE: &str = "likelihood";
+/// Whether decisions by this score are taken by risk while localising.
+pub fn decides(score: &str) -> bool {
+    matches!(score, "likelihood" | "tracked" | "kidnapped")
+}
 
 fn calibration(judged: &[Judged<'_>]) -> Calibration {
     let claims = claims(judged);
@@ -80,7 +82,7 @@ fn judge(
         return None;
     }
     let mixed = (!out_of_map.is_empty()).then(|| mix(&in_map, &out_of_map, cfg.off_map()));
-    let decides = key.variant.score == DECIDING_SCORE;
+    let decides = decides(&key.variant.score);
     Some(Judgement {
         is_default,
         against: if decides {

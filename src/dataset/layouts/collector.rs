@@ -8,7 +8,7 @@ use std::sync::Arc;
 use crate::dataset::file_image::FileImage;
 use crate::dataset::manifest::Manifest;
 use crate::dataset::types::{Dataset, Entry, Problem, ReadOptions};
-use crate::feature::Rect;
+use crate::feature::{Rect, picture_size};
 use crate::map::{Edge, PlaceKey};
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
@@ -115,10 +115,11 @@ impl<'a> Collector<'a> {
     }
 
     fn check_crop(&mut self, file: &Path, path: &str, crop: Rect) -> Result<(), String> {
+        let limits = self.options.limits;
         let size = self
             .sizes
             .entry(file.to_owned())
-            .or_insert_with(|| FileImage::picture_size(file).map_err(|error| error.to_string()))
+            .or_insert_with(|| picture_size(file, &limits).map_err(|error| error.to_string()))
             .clone();
         let (width, height) = size?;
         let fits = |start: u32, length: u32, size: u32| {
@@ -257,8 +258,10 @@ fn check_file(file: &Path, path: &str) -> Result<(), String> {
         Ok(meta) if meta.is_dir() => Err(format!(
             "`{path}` is a folder, not an image (help: write the path of a file)"
         )),
-        // The length of a pipe is not known.
-        Ok(meta) if meta.is_file() && meta.len() == 0 => Err(format!(
+        Ok(meta) if !meta.is_file() => Err(format!(
+            "`{path}` is a pipe or a device, not a file (help: write it to a file first)"
+        )),
+        Ok(meta) if meta.len() == 0 => Err(format!(
             "the file `{path}` is empty, 0 bytes (help: copy it again or remove its row)"
         )),
         Ok(_) => Ok(()),

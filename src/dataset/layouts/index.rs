@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::collector::{Collector, outside_message};
-use crate::dataset::table::{Row, Table, read_text};
+use crate::dataset::table::{MAX_TABLE_BYTES, Row, Table, read_text};
 use crate::feature::Rect;
 use crate::map::{Edge, PlaceKey};
 use fremen::error::{Error, ErrorKind, Result};
@@ -26,7 +26,7 @@ const POSE: [&str; 3] = ["x", "y", "z"];
 /// Reads the index.
 pub(super) fn read(collector: &mut Collector<'_>, file: &str, ignore: &[String]) -> Result<()> {
     let path = collector.root.join(file);
-    let text = read_text(&path)?;
+    let text = read_text(&path, MAX_TABLE_BYTES)?;
     let header = text.lines().next().unwrap_or_default();
     let has = |name: &str| {
         header
@@ -45,7 +45,13 @@ pub(super) fn read(collector: &mut Collector<'_>, file: &str, ignore: &[String])
         .chain(FOR_PEOPLE)
         .chain(ignore.iter().map(String::as_str))
         .collect();
-    let table = Table::read(&path, &["place", time, "path"], &optional)?;
+    let only = collector.options.only.as_deref();
+    let is_wanted = |path: &str| {
+        let name = path.rsplit('/').next().unwrap_or(path);
+        only.is_none_or(|only| only.contains(name))
+    };
+    let required = ["place", time, "path"];
+    let table = Table::read_where(&path, &required, &optional, "path", &is_wanted)?;
     let times = Times::of(&table, collector.options.zone.as_ref())?;
     if table.rows.is_empty() {
         return Err(Error::new(ErrorKind::Format, "the index lists no image")
@@ -136,7 +142,7 @@ impl<'a> Times<'a> {
 /// Reads poses.csv in the dataset's folder, where it exists.
 pub(super) fn read_poses(collector: &mut Collector<'_>) -> Result<()> {
     let path = collector.root.join("poses.csv");
-    if !path.is_file() {
+    if !path.exists() {
         return Ok(());
     }
     if !collector.poses.is_empty() {
@@ -167,7 +173,7 @@ pub(super) fn read_poses(collector: &mut Collector<'_>) -> Result<()> {
 /// Reads edges.csv in the dataset's folder, where it exists.
 pub(super) fn read_edges(collector: &mut Collector<'_>) -> Result<()> {
     let path = collector.root.join("edges.csv");
-    if !path.is_file() {
+    if !path.exists() {
         return Ok(());
     }
     let table = Table::read(&path, &["from", "to"], &["name"])?;

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use super::collector::Collector;
 use crate::dataset::manifest::{Layout, NcltPlace};
 use crate::dataset::paths::{digits, image_rank, list, name_of, relative, stem_of};
-use crate::dataset::table::read_text;
+use crate::dataset::table::{MAX_TABLE_BYTES, read_text};
 use crate::map::PlaceKey;
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
@@ -228,7 +228,7 @@ fn find_ground_truth(root: &Path, date: &str) -> Option<PathBuf> {
 
 /// Poses by time; rows that are NaN, as the published files have at the start, say nothing.
 fn read_ground_truth(path: &Path) -> Result<Vec<Pose>> {
-    let text = read_text(path)?;
+    let text = read_text(path, MAX_TABLE_BYTES)?;
     let mut poses = Vec::new();
     for (position, line) in text.lines().enumerate() {
         let line = line.trim();

@@ -43,7 +43,7 @@ pub(super) fn picture<'a>(
 ) -> Result<Cow<'a, [u8]>> {
     match format {
         ImageFormat::Jpeg => jpeg::picture(bytes, check_size),
-        ImageFormat::Png => png::check(bytes, check_size).map(|()| bytes.into()),
+        ImageFormat::Png => png::picture(bytes, check_size),
         ImageFormat::WebP => webp::check(bytes).map(|()| bytes.into()),
         ImageFormat::Tiff => tiff::check(bytes).map(|()| bytes.into()),
         _ => Ok(bytes.into()),

@@ -1,5 +1,6 @@
 //! How are the tables of an exported folder read, cell by cell?
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -30,7 +31,10 @@ impl Table {
                     .with_path(path),
             );
         }
-        let rows: csv::Result<_> = reader.records().collect();
+        let rows: csv::Result<_> = reader
+            .records()
+            .map(|record| record.map(unguarded))
+            .collect();
         Ok(Self {
             path: path.to_owned(),
             columns,
@@ -44,7 +48,10 @@ impl Table {
         let mut writer = csv::Writer::from_writer(Vec::new());
         writer.write_record(columns).map_err(failed)?;
         for row in rows {
-            writer.write_record(row).map_err(failed)?;
+            let cells = row.iter().map(|cell| guarded(cell));
+            writer
+                .write_record(cells.map(Cow::into_owned))
+                .map_err(failed)?;
         }
         (writer.into_inner()).map_err(|cause| format_error(cause.to_string()))
     }
@@ -107,5 +114,71 @@ impl Table {
             self.number(row, 4)?,
             self.number(row, 5)?,
         ]))
+    }
+}
+
+/// Whether a spreadsheet takes a cell for a formula, or for one that was guarded.
+fn is_formula(cell: &str) -> bool {
+    match cell.chars().next() {
+        Some('=' | '@' | '\t' | '\r' | '\'') => true,
+        Some('+' | '-') => cell.parse::<f64>().is_err(),
+        _ => false,
+    }
+}
+
+/// The cell as it is written: an apostrophe keeps a spreadsheet from computing names from outside.
+fn guarded(cell: &str) -> Cow<'_, str> {
+    if is_formula(cell) {
+        Cow::Owned(format!("'{cell}"))
+    } else {
+        Cow::Borrowed(cell)
+    }
+}
+
+/// The record without what [`guarded`] has added.
+fn unguarded(record: csv::StringRecord) -> csv::StringRecord {
+    let plain = |cell: &str| match cell.strip_prefix('\'') {
+        Some(rest) if is_formula(rest) => rest.to_owned(),
+        _ => cell.to_owned(),
+    };
+    if !record.iter().any(|cell| cell.starts_with('\'')) {
+        return record;
+    }
+    let mut read: csv::StringRecord = record.iter().map(plain).collect();
+    read.set_position(record.position().cloned());
+    read
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_cell_is_a_formula_and_every_text_comes_back() {
+        let cells = [
+            "=HYPERLINK(\"http://example.org\")",
+            "+1 place",
+            "-1.5",
+            "-cmd",
+            "@SUM(A1)",
+            "'quoted'",
+            "''=1",
+            "\tindented",
+            "door",
+            "",
+        ];
+        let rows = [cells.map(str::to_owned).to_vec()];
+        let columns: &'static [&'static str] = &["a", "b", "c", "d", "e", "f", "g", "h", "i", "j"];
+        let bytes = Table::to_csv(columns, &rows).expect("memory");
+        let raw: Vec<csv::StringRecord> = (csv::Reader::from_reader(&bytes[..]).into_records())
+            .map(|record| record.expect("ours"))
+            .collect();
+        for cell in &raw[0] {
+            let is_safe = !cell.starts_with(['=', '+', '@', '\t'])
+                && (cell == "-1.5" || !cell.starts_with('-'));
+            assert!(is_safe, "{cell}");
+        }
+        let read = Table::parse(Path::new("a.csv"), &bytes, columns).expect("ours");
+        assert_eq!(read.rows[0].iter().collect::<Vec<_>>(), cells);
     }
 }

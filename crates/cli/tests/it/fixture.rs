@@ -189,6 +189,32 @@ impl Fixture {
     }
 }
 
+/// Says that a test did not do what it is there for; `make test` counts these
+/// (`CHRONOTOPE_SKIPS` names the file that it reads).
+pub(crate) fn skipped(reason: &str) {
+    eprintln!("skipped: {reason}");
+    if let Some(path) = std::env::var_os("CHRONOTOPE_SKIPS") {
+        use std::io::Write as _;
+        let file = fs::OpenOptions::new().append(true).create(true).open(path);
+        writeln!(file.expect("writable"), "{reason}").expect("writable");
+    }
+}
+
+/// Whether `strace` is there and may trace; if not, the test counts as skipped.
+pub(crate) fn may_trace(fixture: &Fixture, what: &str) -> bool {
+    let trial = (Command::new("strace").current_dir(fixture.dir.path()))
+        .args(["-f", "-qq", "-o", "/dev/null", "-e", "trace=openat"])
+        .args([env!("CARGO_BIN_EXE_chronotope"), "--version"])
+        .output();
+    let may = trial.is_ok_and(|output| output.status.success());
+    if !may {
+        skipped(&format!(
+            "{what}, because strace is not there or may not trace"
+        ));
+    }
+    may
+}
+
 /// How the command ended, and what it said.
 #[derive(Debug)]
 pub(crate) struct Ran {

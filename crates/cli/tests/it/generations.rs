@@ -17,6 +17,16 @@ fn a_map_is_rolled_back_and_pruned() {
         .map(|line| line["added_visits"].as_i64().expect("a number"))
         .sum();
     assert_eq!(visits, (NUM_VISITS as usize * NUM_PLACES) as i64);
+    // What can be taken back by `map forget` is listed.
+    let sessions = &logged.lines().pop().expect("some")["sessions"];
+    let session = sessions[0]["session"]
+        .as_str()
+        .expect("a session")
+        .to_owned();
+    assert_eq!(sessions[0]["num_visits"], visits);
+    fixture
+        .succeeds("map log street.map")
+        .prints(&[&format!("session {session}  {visits} visits")]);
     let digest = || fixture.digest("street.map");
     let whole = digest();
     let back = fixture.succeeds("map rollback street.map --to 0");

@@ -8,7 +8,7 @@
 use std::fs;
 use std::process::{Command, Stdio};
 
-use crate::fixture::Fixture;
+use crate::fixture::{Fixture, may_trace};
 
 /// Calls that change what is on the disk, or decide who may. Those that a system has not are left
 /// out.
@@ -34,7 +34,7 @@ const CASES: [Case; 9] = [
     new("map merge street.map street.map --out new.map", "new.map"),
     new("map export street.map new", "new"),
     change(
-        "map update early.map --data data --commit-every 0 --config numbers.toml",
+        "map update early.map --data data --commit-every 0",
         "early.map",
     ),
     change("map edge street.map add place-02 place-03", "street.map"),
@@ -112,17 +112,9 @@ fn prepared() -> Fixture {
 #[test]
 fn a_writing_command_that_is_killed_at_any_call_can_be_repeated() {
     let fixture = prepared();
-    let counted = traced(
-        &fixture,
-        &["-o", "trial", "-e", "trace=openat"],
-        "--version",
-    )
-    .status();
-    if !counted.is_ok_and(|status| status.success()) {
-        println!("skipped: no kills at system calls, because strace is not there or may not trace");
+    if !may_trace(&fixture, "no kills at system calls") {
         return;
     }
-    fs::remove_file(fixture.path("trial")).expect("ours");
     let num_kills = std::env::var("CHRONOTOPE_TEST_KILLS")
         .map_or(3, |number| number.parse().expect("a number"));
     let mut num_killed = 0;
@@ -182,4 +174,69 @@ fn a_writing_command_that_is_killed_at_any_call_can_be_repeated() {
     }
     println!("{num_killed} commands were killed");
     assert!(num_killed > CASES.len(), "{num_killed}");
+}
+
+/// Two robots learn into one map at once, and one of them is killed: the other does not notice, and
+/// the killed one's repetition completes what both have.
+#[test]
+fn of_two_writers_one_is_killed_and_neither_loses_anything() {
+    let fixture = prepared();
+    if !may_trace(&fixture, "no kills of one of two writers") {
+        return;
+    }
+    let num_kills = std::env::var("CHRONOTOPE_TEST_KILLS")
+        .map_or(3, |number| number.parse().expect("a number"));
+    // The visits that the early map has not, by turns.
+    let index = fixture.index();
+    fs::create_dir(fixture.path("other")).expect("writable");
+    fs::create_dir(fixture.path("other/images")).expect("writable");
+    let mut halves = [
+        String::from("place,time,path\n"),
+        String::from("place,time,path\n"),
+    ];
+    for (number, row) in index.lines().skip(9).enumerate() {
+        halves[number % 2].extend([row, "\n"]);
+    }
+    for name in index
+        .lines()
+        .skip(9)
+        .filter_map(|row| row.split(',').nth(2))
+    {
+        let (from, to) = (
+            fixture.path("data").join(name),
+            fixture.path("other").join(name),
+        );
+        fs::hard_link(from, to).expect("writable");
+    }
+    fixture.write("data/index.csv", &halves[0]);
+    fixture.write("other/index.csv", &halves[1]);
+    let early = fs::read(fixture.path("early.map")).expect("there");
+    let line = |data: &str| {
+        format!("map update early.map --data {data} --commit-every 0 --config numbers.toml")
+    };
+    let trace = format!("trace={CALLS}");
+    let status = traced(&fixture, &["-o", "calls", "-e", &trace], &line("data")).status();
+    assert!(status.is_ok());
+    let calls = fs::read_to_string(fixture.path("calls")).expect("written");
+    let thread = calls.split(' ').next().unwrap_or_default();
+    let num_calls = calls.lines().filter(|it| it.starts_with(thread)).count();
+    fs::remove_file(fixture.path("calls")).expect("ours");
+    let left = names(&fixture);
+    for kill in 0..num_kills {
+        fixture.write("early.map", &early);
+        let at = num_calls - num_calls * kill / num_kills;
+        let inject = format!("inject={CALLS}:signal=KILL:when={at}");
+        let killed = traced(&fixture, &["-o", "/dev/null", "-e", &inject], &line("data")).spawn();
+        let other = fixture.run(&line("other"));
+        let killed = killed.expect("strace is there").wait();
+        assert!(killed.is_ok());
+        assert!(other.code < 2, "killed at call {at}: {other:?}");
+        fixture.succeeds("map verify early.map");
+        let again = fixture.run(&line("data"));
+        assert!(again.code < 2, "killed at call {at}: {again:?}");
+        fixture.succeeds("map verify early.map");
+        let num_visits = fixture.open("early.map").summary().num_visits;
+        assert_eq!(num_visits, index.lines().count() - 1, "killed at call {at}");
+        assert_eq!(names(&fixture), left, "killed at call {at}");
+    }
 }

@@ -2,7 +2,9 @@
 
 use std::fs;
 
-use crate::fixture::{Fixture, QUERIES, QUERY_TIME, encoded, plain, png, query_time};
+use crate::fixture::{
+    Fixture, NUM_PLACES, QUERIES, QUERY_TIME, encoded, images, plain, png, query_time,
+};
 use serde_json::Value;
 
 #[test]
@@ -312,4 +314,27 @@ fn what_is_located_is_learnt_only_if_that_is_asked_for() {
     fixture.succeeds(&format!("map rollback street.map --to {to}"));
     assert_eq!(visits(), num_before);
     fixture.succeeds("map verify street.map");
+}
+
+#[test]
+fn a_map_whose_times_only_number_its_visits_needs_no_time() {
+    let fixture = Fixture::with_map();
+    let mut index = String::from("place,time,path\n");
+    for (number, (place, _, name, _)) in images().iter().enumerate() {
+        let day = 1 + number / NUM_PLACES;
+        let row = format!("place-{place:02},1970-01-{day:02}T00:00:00Z,{name}\n");
+        index.push_str(&row);
+    }
+    fixture.write("data/index.csv", index);
+    fixture.succeeds("map build --data data --out numbered.map");
+    let ran = fixture.succeeds("localize numbered.map query0.png --json");
+    ran.notes(&["only number its visits", "--method static"]);
+    let answer = &ran.lines()[0];
+    assert_eq!(answer["place"], "place-00");
+    assert_eq!(answer["method"], "static");
+    // What was asked for is done.
+    fixture.fails(
+        "localize numbered.map query0.png --method fremen",
+        &["when was it taken?"],
+    );
 }

@@ -1,12 +1,14 @@
 //! The one integration-test binary.
 #![allow(clippy::unwrap_used, clippy::expect_used)] // reason: a test that cannot prepare itself has failed.
 
+mod bounded;
 mod build;
 mod calibrate;
 mod check;
 mod config;
 mod edge;
 mod exchange;
+mod failing;
 mod fixture;
 mod generations;
 mod held;

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use chronotope::map::Map;
 
-use crate::fixture::{Fixture, QUERY_TIME};
+use crate::fixture::{Fixture, QUERY_TIME, Ran};
 
 fn journal_of(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
@@ -317,4 +317,30 @@ fn names_from_outside_do_nothing_to_a_terminal() {
     let said = format!("{}{}", ran.stdout, ran.stderr);
     assert!(said.contains("\\u{1b}[31mb\\u{202e}"), "{said}");
     assert!(!said.contains(['\u{1b}', '\u{202e}']), "{said}");
+}
+
+/// Names come from outside: nothing of them is obeyed, and none makes a line of its own.
+#[cfg(unix)]
+#[test]
+fn no_name_makes_a_line_of_its_own() {
+    let fixture = Fixture::with_map();
+    let name = "a\nerror: b\u{1b}[2J\u{202e}gpj.png";
+    fs::copy(fixture.path("query0.png"), fixture.path(name)).expect("writable");
+    let missing = "none\n\u{9b}2J.png";
+    for image in [name, missing] {
+        for options in [vec![], vec!["--learn"], vec!["--track", "--top", "2"]] {
+            for more in [vec![], vec!["query1.png"]] {
+                let mut command = fixture.command("localize street.map");
+                command.arg(image).args(&more).args(&options);
+                command.args(["--time", QUERY_TIME]);
+                let ran = Ran::from(command.output().expect("the command starts"));
+                for said in [&ran.stdout, &ran.stderr] {
+                    let obeyed = ['\u{1b}', '\u{9b}', '\u{202e}'];
+                    assert!(!said.contains(obeyed), "{ran:?}");
+                    let lines = said.lines().filter(|line| line.starts_with("error: b"));
+                    assert_eq!(lines.count(), 0, "{ran:?}");
+                }
+            }
+        }
+    }
 }

@@ -301,3 +301,32 @@ fn unusable_images_have_a_line_and_a_ranking_can_be_asked_for() {
     assert_eq!(lines[1]["ranking"].as_array().map(Vec::len), Some(3));
     assert_eq!(lines[1]["ranking"][0]["place"], "place-01");
 }
+
+/// The index of a robot's years is not read row by row for a few images.
+#[test]
+fn dbow2_65_only_rows_of_the_images_in_question_are_read_of_an_index() {
+    let fixture = Fixture::with_map();
+    let image = |number: usize| format!("place-00,2023-11-15T12:00:00Z,query{number}.png\n");
+    // Rows that would take a look at a file each, and some that no reader could make sense of.
+    let mut index = String::from("place,time,path\n");
+    for number in 0..400_000 {
+        writeln!(index, "elsewhere,2023-11-15T12:00:00Z,f{number}.jpg").expect("memory");
+    }
+    index += "nowhere,never,broken.png\n";
+    index += &image(0);
+    fixture.write("index.csv", index);
+    let ran = fixture.succeeds("localize street.map query0.png --json");
+    assert_eq!(ran.stderr, "");
+    assert_eq!(ran.lines()[0]["time_source"], "index");
+    assert_eq!(ran.lines()[0]["truth"], "place-00");
+    // By the name of a link to it, too, once all rows can be read.
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink(fixture.path("query1.png"), fixture.path("linked.png"))
+            .expect("a link");
+        let index = "place,time,path\nplace-01,2023-11-15T12:00:00Z,linked.png\n";
+        fixture.write("index.csv", index);
+        let ran = fixture.succeeds("localize street.map query1.png --json");
+        assert_eq!(ran.lines()[0]["truth"], "place-01");
+    }
+}

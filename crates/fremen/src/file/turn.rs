@@ -50,6 +50,10 @@ impl Turn {
 }
 
 #[cfg(all(test, unix))]
+#[expect(
+    clippy::used_underscore_binding,
+    reason = "only tests look at what is held"
+)]
 mod tests {
     use super::*;
 

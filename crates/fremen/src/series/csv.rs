@@ -12,8 +12,11 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::file;
 use crate::time::{Time, TimeUnit, Zone};
 
-/// Bytes of a file, at most: some ten million rows.
+/// Bytes of a file, at most.
 const MAX_BYTES: u64 = 1 << 28;
+/// Rows of a file, at most: one every ten seconds of a year. With what is made of them they take
+/// some 300 MB.
+const MAX_ROWS: usize = 4_000_000;
 
 /// A time before this, in a series of which most times are later than [`RECORDED_FROM`], is that of
 /// a clock that was never set.
@@ -90,8 +93,8 @@ struct Row {
     time: Time,
     state: Option<bool>,
     line: u64,
-    /// As it is written.
-    cell: String,
+    /// As it is written, if it is a number.
+    number: Option<f64>,
 }
 
 /// The rows of a table with `num_columns` columns that matter: of times, and of states.
@@ -139,6 +142,10 @@ fn rows(bytes: &[u8], columns: Columns<'_>, num_columns: usize) -> Result<Vec<Ro
             record.get(i).ok_or_else(missing)
         };
         let written = cell(at.0)?;
+        if rows.len() == MAX_ROWS {
+            let message = format!("there are more than {MAX_ROWS} rows");
+            return Err(place(format(message).with_help("give a part of them")));
+        }
         rows.push(Row {
             time: time_in(written, columns).map_err(place)?,
             state: if num_columns == 1 {
@@ -147,7 +154,7 @@ fn rows(bytes: &[u8], columns: Columns<'_>, num_columns: usize) -> Result<Vec<Ro
                 state(cell(at.1)?).map_err(place)?
             },
             line,
-            cell: written.to_owned(),
+            number: written.parse().ok(),
         });
     }
     check_times(&rows, columns.unit)?;
@@ -282,7 +289,11 @@ fn check_times(rows: &[Row], unit: Option<TimeUnit>) -> Result<()> {
     let (Some(&first), Some(&middle)) = (times.first(), times.get(times.len() / 2)) else {
         return Ok(());
     };
-    let guess = |row: &Row| row.cell.parse().ok().and_then(TimeUnit::guess);
+    let guess = |row: &Row| row.number.and_then(TimeUnit::guess);
+    let cell = |row: &Row| {
+        row.number
+            .map_or_else(|| row.time.to_string(), |it| it.to_string())
+    };
     if middle >= RECORDED_FROM {
         // One row among good ones.
         return match rows.iter().find(|row| row.time < NEVER_SET_BEFORE) {
@@ -290,7 +301,7 @@ fn check_times(rows: &[Row], unit: Option<TimeUnit>) -> Result<()> {
             Some(row) => fail(
                 row,
                 match guess(row) {
-                    Some(unit) => looks_like(&row.cell, unit),
+                    Some(unit) => looks_like(&cell(row), unit),
                     None => Error::new(
                         ErrorKind::Time,
                         format!("{} is decades before the other times", row.time),
@@ -307,7 +318,7 @@ fn check_times(rows: &[Row], unit: Option<TimeUnit>) -> Result<()> {
                 && units.iter().all(|&other| other == Some(unit))
                 && begins_late(first, &times, unit) =>
         {
-            fail(row, looks_like(&row.cell, unit))
+            fail(row, looks_like(&cell(row), unit))
         }
         _ => Ok(()),
     }

@@ -171,6 +171,19 @@ impl HistoryLog {
         Ok(())
     }
 
+    /// What the log was when it had only its first `num_visits` visits: all of it, if it has fewer.
+    #[must_use]
+    pub fn first(&self, num_visits: usize) -> Self {
+        let num_visits = num_visits.min(self.num_visits());
+        let num_features = self.seen[..num_visits].last().map_or(0, BitRow::len);
+        Self {
+            times: self.times[..num_visits].to_vec(),
+            seen: self.seen[..num_visits].to_vec(),
+            hidden: self.hidden[..num_visits].to_vec(),
+            births: self.births[..num_features].to_vec(),
+        }
+    }
+
     /// Visits.
     pub fn num_visits(&self) -> usize {
         self.times.len()

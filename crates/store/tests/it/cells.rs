@@ -293,3 +293,33 @@ fn a_file_of_broken_structure_is_not_opened_to_be_written() {
     let faults = Grid::verify(&GRID, &path).expect("a grid");
     assert!(!faults.is_empty());
 }
+
+/// Closing a file drops all locks that a process has on it, so it is not even looked at meanwhile.
+#[test]
+fn a_file_is_not_opened_otherwise_while_this_process_commits_to_it() {
+    use std::sync::mpsc::channel;
+    use std::time::Duration;
+    let folder = folder();
+    let path = folder.path().join("a.grid");
+    let mut grid = Grid::create(&GRID, &path).expect("new");
+    let (begin, begun) = channel();
+    let (see, seen) = channel();
+    std::thread::scope(|scope| {
+        let writer = scope.spawn(move || {
+            let tip = grid.known.tip;
+            let written = grid.store.write(tip, |_| {
+                begin.send(()).expect("somebody waits");
+                let early = seen.recv_timeout(Duration::from_millis(700));
+                assert!(early.is_err(), "the file was opened meanwhile");
+                Err(fremen::error::Error::new(ErrorKind::Config, "enough"))
+            });
+            assert!(written.is_err());
+        });
+        begun.recv().expect("a writer");
+        let read = Grid::open(&GRID, &path, Access::ReadOnly).expect("a grid");
+        assert_eq!(read.known.tip.number, 0);
+        // The writer has given up waiting long ago.
+        let _ = see.send(());
+        writer.join().expect("the writer saw nobody");
+    });
+}

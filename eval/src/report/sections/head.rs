@@ -2,7 +2,7 @@
 
 use super::methods::{methods, of_row, share};
 use super::names::{interval_text, label, trimmed};
-use crate::judge::DECIDING_SCORE;
+use crate::judge::decides;
 use crate::report::facts::{header_lines, short_ms};
 use crate::report::headline::{Headline, baseline};
 use crate::report::html::{Esc, Words, put, signed};
@@ -174,7 +174,7 @@ fn tiles(html: &mut String, results: &SuiteResults, row: &Row, headline: &Headli
 /// How many images a robot would act on, and how often that is wrong; nothing for rows that decide
 /// nothing.
 fn located_tile(results: &SuiteResults, row: &Row, tile: &mut impl FnMut(String, String)) {
-    if row.variant.score != DECIDING_SCORE || row.queries == 0 {
+    if !decides(&row.variant.score) || row.queries == 0 {
         return;
     }
     let of = of_row(results, row);

@@ -1,7 +1,7 @@
 //! How do the methods compare, at one n and at a glance?
 
 use super::names::{colour, label};
-use crate::judge::DECIDING_SCORE;
+use crate::judge::decides;
 use crate::judge::rates::within;
 use crate::report::headline::Headline;
 use crate::report::html::{Esc, put};
@@ -52,7 +52,6 @@ pub(super) fn methods(html: &mut String, results: &SuiteResults, headline: &Head
 
 fn head(html: &mut String, results: &SuiteResults, n: u32, scores: &[&str]) {
     let near = results.tolerance.map(Tolerance::in_words);
-    let decides = |score: &str| score == DECIDING_SCORE;
     put!(
         html,
         "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"The methods\">\
@@ -93,7 +92,7 @@ fn cells(html: &mut String, results: &SuiteResults, score: &str, row: Option<&Ro
     if results.tolerance.is_some() {
         cell(row.and_then(Row::within_percent));
     }
-    if score == DECIDING_SCORE {
+    if decides(score) {
         let of = row.map(|row| of_row(results, row));
         let num = row.map_or(0, |row| row.queries);
         cell(of.map(|of| share(of.located, num)));

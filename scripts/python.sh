@@ -28,30 +28,36 @@ if [ -z "${CHRONOTOPE_COMMAND:-}" ]; then
 fi
 export CHRONOTOPE_COMMAND
 
-say "python: fmt, clippy"
+say "python: fmt"
 cargo fmt --manifest-path $package/Cargo.toml --all --check
-PYO3_PYTHON=$python cargo clippy --locked --release --manifest-path $package/Cargo.toml -- -D warnings
 
-say "python: the wheel, with its stub"
-(cd $package && "$environment/build/bin/maturin" build --quiet --release --locked \
-    --generate-stubs --out "$environment/wheels")
-git diff --exit-code -- $package/python/chronotope/_chronotope.pyi ||
-    fail "the committed stub is not the generated one: commit $package/python/chronotope/_chronotope.pyi"
+say "python: the wheel"
+maturin=$environment/build/bin/maturin
+(cd $package && "$maturin" build --quiet --release --locked --interpreter "$python" --out "$environment/wheels")
 wheel=$(ls "$environment"/wheels/*.whl)
 num_bytes=$(stat -c %s "$wheel")
 echo "$(basename "$wheel"): $num_bytes bytes"
 [ "$num_bytes" -le 8000000 ] || fail "the wheel is larger than 8 MB"
 "$python" -m pip install --quiet --disable-pip-version-check --no-deps "$wheel"
 
+# `generate-stubs` in pyproject.toml has no effect (maturin 1.16), so the stub is committed.
+say "python: the committed stub is the generated one"
+(cd $package && "$maturin" generate-stubs --quiet --profile release --locked --interpreter "$python" \
+    --out "$environment/stubs")
+stub=$(find "$environment/stubs" -name '*.pyi')
+diff "$stub" $package/python/chronotope/_chronotope.pyi ||
+    fail "commit what 'maturin generate-stubs' writes as $package/python/chronotope/_chronotope.pyi"
+
 say "python: pip install . in a fresh environment, with numpy and nothing else"
 python3 -m venv "$environment/fresh"
 "$environment/fresh/bin/python" -m pip install --quiet --disable-pip-version-check ./$package
 (cd "$environment" && fresh/bin/python -c 'import chronotope; print(repr(chronotope.Street(num_places=1)))')
-"$environment/fresh/bin/python" -m pip list --disable-pip-version-check --format freeze | sort
+"$environment/fresh/bin/python" -m pip list --disable-pip-version-check --format freeze
 
 say "python: types"
 (cd $package && "$python" -m mypy examples python/chronotope)
-"$python" -m mypy.stubtest chronotope --allowlist $package/stubtest-allowlist.txt
+(cd "$environment" && "$python" -m mypy.stubtest chronotope \
+    --mypy-config-file "$OLDPWD/$package/pyproject.toml")
 
 say "python: tests"
 (cd $package && "$python" -m pytest --quiet -p no:cacheprovider)

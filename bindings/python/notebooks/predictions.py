@@ -5,7 +5,7 @@
 # the rhythms behind them, and at how the risk that is allowed changes decisions.
 
 # %%
-import pathlib
+import os
 import tempfile
 
 import matplotlib.pyplot as plt
@@ -15,9 +15,9 @@ import chronotope
 
 street = chronotope.Street(seed=1, num_places=4)
 learn, query = street.schedule(num_learn=24, num_query=8)
-folder = pathlib.Path(tempfile.mkdtemp())
-chronotope.write_street(street, folder / "images", learn)
-street_map = chronotope.Map.build(folder / "images", folder / "street.map")
+os.chdir(tempfile.mkdtemp())
+chronotope.write_street(street, "images", learn)
+street_map = chronotope.Map.build("images", "street.map")
 place = street_map[street.places[1]]
 place
 

@@ -5,7 +5,7 @@
 # images of 2024 are localised. The street is drawn by the package itself, so this notebook needs no data.
 
 # %%
-import pathlib
+import os
 import tempfile
 
 import matplotlib.pyplot as plt
@@ -37,9 +37,9 @@ plt.tight_layout()
 # columns place, time, path. `Map.build` learns it.
 
 # %%
-folder = pathlib.Path(tempfile.mkdtemp())
-chronotope.write_street(street, folder / "images", learn)
-street_map = chronotope.Map.build(folder / "images", folder / "street.map")
+os.chdir(tempfile.mkdtemp())
+chronotope.write_street(street, "images", learn)
+street_map = chronotope.Map.build("images", "street.map")
 street_map
 
 # %%

@@ -240,7 +240,7 @@ impl Folder {
                         self.report.num_known += 1;
                     }
                     Err(error) => {
-                        let problem = Problem::new(&entry.id, error.to_string());
+                        let problem = Problem::of(&entry.id, error);
                         self.report.problems.push(problem.to_string());
                     }
                 }
@@ -261,7 +261,8 @@ impl Folder {
         let visits = (snapshot.nodes.iter())
             .flat_map(|node| node.visits.iter().map(move |visit| (node, visit)))
             .map(|(node, visit)| (node.key.clone(), visit.time, visit.source.clone()));
-        let held = (self.learner.learner().held().visits().iter())
+        let held = self.learner.learner().held();
+        let held = (held.visits().iter().chain(held.given_up()))
             .map(|visit| (visit.place.clone(), visit.time, visit.source.clone()));
         visits.chain(held).collect()
     }

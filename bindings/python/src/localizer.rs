@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use chronotope::dataset::ImageSource;
+use chronotope::dataset::{ImageSource, scale_between};
 use chronotope::feature::{
     Extractor, ExtractorConfig, Features, GrayImage, GrayView, LoadOptions, load_gray,
 };
@@ -26,7 +26,7 @@ use crate::image::{Pixels, mask_of};
 use crate::map::PyMap;
 use crate::progress::Progress;
 use crate::python::{json_line, loads, time_if_given, time_of};
-use crate::settings::{Wanted, pool_of};
+use crate::settings::{Wanted, pool_of, without_clock};
 
 /// Images that each thread answers before somebody looks whether Ctrl-C was pressed.
 const IMAGES_PER_THREAD: usize = 4;
@@ -297,17 +297,6 @@ fn adjusted(
     }
 }
 
-/// The factor by which an image of one size becomes one of another, if both have the same shape.
-fn scale_between(from: (u32, u32), to: (u32, u32)) -> Option<f64> {
-    let fits = |scale: &f64| {
-        let side = |px: u32| (f64::from(px) * scale).round_ties_even() as u32;
-        (side(from.0), side(from.1)) == to
-    };
-    let factors =
-        [(to.0, from.0), (to.1, from.1)].map(|(to, from)| f64::from(to) / f64::from(from));
-    factors.into_iter().find(fits)
-}
-
 /// What neither mask hides.
 fn both(
     own: Option<GrayImage>,
@@ -360,14 +349,22 @@ impl PyLocalizer {
             let path = map.path().to_owned();
             let snapshot = map.snapshot();
             let cfg = wanted.over(&snapshot.meta)?;
+            let cfg = without_clock(&wanted, &cfg, &snapshot).unwrap_or(cfg);
             let localizer = interruptible(py, move || Localizer::new(snapshot, cfg))
                 .map_err(|failure| with_path(failure, &path))?;
             return Self::of(localizer, Some(path));
         }
         let path: PathBuf = map.0.extract()?;
         let cfg = wanted.over(&MapMeta::read(&path)?)?;
-        let opened = path.clone();
-        let localizer = interruptible(py, move || Localizer::open_with(&opened, cfg, cache))?;
+        let open = |cfg| {
+            let path = path.clone();
+            interruptible(py, move || Localizer::open_with(&path, cfg, cache))
+        };
+        let mut localizer = open(cfg)?;
+        let snapshot = Arc::clone(localizer.snapshot());
+        if let Some(cfg) = without_clock(&wanted, &localizer.cfg().clone(), &snapshot) {
+            localizer = open(cfg)?;
+        }
         Self::of(localizer, Some(path))
     }
 

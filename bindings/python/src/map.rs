@@ -476,7 +476,7 @@ impl PyMap {
     fn log<'py>(&self, py: Python<'py>) -> Result<Vec<Json<'py>>> {
         let map = self.open()?;
         let generations = detached(py, || map.generations())?;
-        lines(py, &map_json::log(&generations))
+        lines(py, &map_json::log(&generations, &map.snapshot()))
     }
 
     /// The visits that it does not believe, as ``chronotope map held --json`` prints them.
@@ -495,7 +495,7 @@ impl PyMap {
     ) -> Result<u64> {
         let cfg = learn_config(preset_of(&self.snapshot()?.meta), config.as_ref(), None)?;
         self.changed(py, |map| {
-            let ids = map_changes::held_ids(map, ids.as_deref())?;
+            let ids = map_changes::held_ids(map, ids.as_deref(), false)?;
             map_changes::accept(map, &ids, &cfg)
         })
     }
@@ -504,7 +504,7 @@ impl PyMap {
     #[pyo3(signature = (ids=None))]
     fn drop_held(&self, py: Python<'_>, ids: Option<Vec<String>>) -> Result<u64> {
         self.generation_of(py, |map| {
-            let ids = map_changes::held_ids(map, ids.as_deref())?;
+            let ids = map_changes::held_ids(map, ids.as_deref(), true)?;
             map_changes::drop_held(map, &ids)
         })
     }

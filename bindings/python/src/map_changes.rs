@@ -9,9 +9,7 @@ use std::sync::Arc;
 
 use chronotope::learn::{self, LearnConfig, Learner, forget_session};
 use chronotope::localize::{ATTACHMENT, Localizer, LocalizerConfig};
-use chronotope::map::{
-    Edge, Generation, Map, PlaceKey, Quarantine, QuarantinedVisit, SessionId, Snapshot, VisitId,
-};
+use chronotope::map::{Edge, Generation, Map, PlaceKey, Quarantine, SessionId, Snapshot, VisitId};
 use chronotope::time::Period;
 use chronotope::{Error, ErrorKind, Result};
 
@@ -83,15 +81,24 @@ fn refuse_strangers(
         .with_help("disjoint=True merges maps of different places"))
 }
 
-/// The visits that are held and meant; all of them if none is named.
-pub(crate) fn held_ids(map: &Map, ids: Option<&[String]>) -> Result<Vec<VisitId>> {
+/// The visits that are held and meant; all of them if none is named. `with_given_up`: also those that
+/// cannot be accepted any more.
+pub(crate) fn held_ids(
+    map: &Map,
+    ids: Option<&[String]>,
+    with_given_up: bool,
+) -> Result<Vec<VisitId>> {
     let held = Quarantine::of(&map.snapshot()).map_err(|error| error.with_path(map.path()))?;
+    let given_up = held.given_up().iter().filter(|_| with_given_up);
+    let known: Vec<VisitId> = (held.visits().iter().chain(given_up))
+        .map(|it| it.id)
+        .collect();
     let Some(ids) = ids else {
-        return Ok(held.visits().iter().map(|it| it.id).collect());
+        return Ok(known);
     };
     let mut found = Vec::new();
     for text in ids {
-        let id = one(held.visits(), text).map_err(|error| error.with_path(map.path()))?;
+        let id = one(&known, text).map_err(|error| error.with_path(map.path()))?;
         if !found.contains(&id) {
             found.push(id);
         }
@@ -100,11 +107,11 @@ pub(crate) fn held_ids(map: &Map, ids: Option<&[String]>) -> Result<Vec<VisitId>
 }
 
 /// The one visit whose identity begins like this.
-fn one(held: &[QuarantinedVisit], text: &str) -> Result<VisitId> {
+fn one(held: &[VisitId], text: &str) -> Result<VisitId> {
     let text = text.to_lowercase();
-    let mut found = (held.iter()).filter(|it| it.id.to_string().starts_with(&text));
+    let mut found = (held.iter()).filter(|it| it.to_string().starts_with(&text));
     let (kind, message) = match (found.next(), found.next()) {
-        (Some(it), None) => return Ok(it.id),
+        (Some(it), None) => return Ok(*it),
         (Some(_), Some(_)) => (
             ErrorKind::Config,
             format!("several visits begin with `{text}`"),

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use chronotope::localize::Localizer;
 use chronotope::map::{
-    AppearanceUse, Generation, Map, Node, NodeId, Quarantine, Snapshot, VerifyReport,
+    AppearanceUse, Generation, Map, Node, NodeId, Quarantine, SessionId, Snapshot, VerifyReport,
 };
 use chronotope::predict::PredictedMap;
 use chronotope::visibility::{Visits, fit_cautious};
@@ -83,7 +83,8 @@ pub(crate) fn verify(path: &Path, report: &VerifyReport) -> Value {
 }
 
 /// `chronotope map log --json`, one object a generation.
-pub(crate) fn log(generations: &[Generation]) -> Vec<Value> {
+pub(crate) fn log(generations: &[Generation], newest: &Snapshot) -> Vec<Value> {
+    let sessions = sessions_of(newest);
     let parents: BTreeMap<u64, Option<u64>> = generations
         .iter()
         .map(|it| (it.number, it.parent))
@@ -111,15 +112,40 @@ pub(crate) fn log(generations: &[Generation]) -> Vec<Value> {
             "added_visits": added(|it| it.num_visits),
             "added_features": added(|it| it.num_features),
             "digest": hex(&it.digest),
+            "sessions": if Some(it.number) == newest { sessions.as_slice() } else { &[] },
         })
     };
     generations.iter().map(line).collect()
 }
 
+/// The runs whose visits a map holds, in order of their first one.
+fn sessions_of(snapshot: &Snapshot) -> Vec<Value> {
+    let mut runs: BTreeMap<SessionId, (usize, Time, Time)> = BTreeMap::new();
+    for visit in snapshot.nodes.iter().flat_map(|node| &node.visits) {
+        let run = runs
+            .entry(visit.session)
+            .or_insert((0, visit.time, visit.time));
+        *run = (run.0 + 1, run.1.min(visit.time), run.2.max(visit.time));
+    }
+    let mut runs: Vec<_> = runs.into_iter().collect();
+    runs.sort_by_key(|(session, run)| (run.1, *session));
+    let line = |(session, (num_visits, first, last)): (SessionId, (usize, Time, Time))| {
+        json!({
+            "session": session.to_string(),
+            "num_visits": num_visits,
+            "first": first.to_string(),
+            "last": last.to_string(),
+        })
+    };
+    runs.into_iter().map(line).collect()
+}
+
 /// `chronotope map held --json`, one object a visit.
 pub(crate) fn held(map: &Map) -> Result<Vec<Value>> {
     let held = Quarantine::of(&map.snapshot()).map_err(|error| error.with_path(map.path()))?;
-    let line = held.visits().iter().map(|it| {
+    let given_up = held.given_up().iter().map(|it| (it, true));
+    let all = given_up.chain(held.visits().iter().map(|it| (it, false)));
+    let line = all.map(|(it, is_given_up)| {
         json!({
             "visit": it.id.to_string(),
             "place": it.place,
@@ -127,6 +153,7 @@ pub(crate) fn held(map: &Map) -> Result<Vec<Value>> {
             "time": it.time.to_string(),
             "source": it.source,
             "num_features": it.features.len(),
+            "given_up": is_given_up,
             "doubt": it.reason,
             "reason": it.reason.to_string(),
         })

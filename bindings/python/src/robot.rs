@@ -19,7 +19,7 @@ use crate::hints::{ConfigLike, Json, MaskLike, PathLike, PixelsLike, TimeLike};
 use crate::image::{Pixels, mask_of};
 use crate::localizer::PyLocalizer;
 use crate::python::{json_line, loads, overlaid, path_of, time_of};
-use crate::settings::{Wanted, preset_of};
+use crate::settings::{Wanted, preset_of, without_clock};
 
 /// A map, a camera's features, and what is believed: localises image after image, and learns from
 /// them if it shall.
@@ -132,7 +132,14 @@ impl PyRobot {
         if !live {
             cfg = cfg.with_recorded_images();
         }
-        let robot = detached(py, || Robot::open(&path, cfg))?;
+        let mut robot = detached(py, || Robot::open(&path, cfg.clone()))?;
+        let localizer = robot.localizer();
+        if let Some(localize) =
+            without_clock(&wanted, &localizer.cfg().clone(), localizer.snapshot())
+        {
+            drop(robot);
+            robot = detached(py, || Robot::open(&path, cfg.with_localize(localize)))?;
+        }
         Ok(Self {
             path,
             robot: Mutex::new(Some(robot)),

@@ -1,9 +1,9 @@
 //! Which numbers does a caller ask for: the configuration of a localiser, threads?
 
 use chronotope::localize::{LocalizerConfig, Method, Preset, Score};
-use chronotope::map::MapMeta;
+use chronotope::map::{MapMeta, Snapshot};
 use chronotope::predict::Selection;
-use chronotope::{Error, ErrorKind};
+use chronotope::{Error, ErrorKind, Time};
 
 use crate::failure::Result;
 use crate::hints::ConfigLike;
@@ -36,6 +36,26 @@ impl Wanted<'_> {
         }
         Ok(cfg)
     }
+}
+
+/// The same configuration with the method `static`, if `snapshot` has times that are no clock's and
+/// nobody has asked for a method: what the command does, too.
+pub(crate) fn without_clock(
+    wanted: &Wanted<'_>,
+    cfg: &LocalizerConfig,
+    snapshot: &Snapshot,
+) -> Option<LocalizerConfig> {
+    /// Before this no camera's clock was right: 2000-01-01.
+    const FIRST_TIME: Time = Time::from_s(946_684_800);
+    let is_preset = cfg.method() == LocalizerConfig::preset(preset_of(&snapshot.meta)).method();
+    let last = snapshot.summary().last;
+    let only_counts = last.is_some_and(|last| last < FIRST_TIME);
+    (is_preset && wanted.method.is_none() && only_counts).then(|| {
+        tracing::warn!(
+            "the times of this map only number its visits: localised by method=\"static\""
+        );
+        cfg.clone().with_method(Method::Static)
+    })
 }
 
 /// The preset that a map says it was built with.

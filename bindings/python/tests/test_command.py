@@ -108,8 +108,8 @@ def test_a_way_is_that_of_the_command(
 def compare_series(command: Command, path: pathlib.Path) -> None:
     at = ["2014-03-03T08:30:00Z", "2016-06-01T20:00:00Z"]
     options = [option for time in at for option in ("--predict-at", time)]
-    said = command("spectrum", path, "--json", *options)[0]
-    times, states = series.read_csv(path)
+    said = command("spectrum", path, "--json", "--time-unit", "s", *options)[0]
+    times, states = series.read_csv(path, time_unit="s")
     learnt = {it["model"]: it for it in said["learnt"]}
     order = next(
         (it["order"] for it in said["held_out"] if it["model"] == "fremen" and it["chosen"]), 0

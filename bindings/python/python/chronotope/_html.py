@@ -121,7 +121,7 @@ def localization(answer: Localization) -> str:
         f"<div>{title}</div>"
         '<div style="display:flex;gap:1.5em;flex-wrap:wrap;align-items:flex-start">'
         f"<div>{_picture(answer)}<div>{_legend(answer)}</div></div>"
-        f'<div>{_bars(answer)}<div style="max-width:26em;opacity:.75">{escape(answer.reason)}</div>'
+        f'<div>{_bars(answer)}<div style="max-width:20em;opacity:.75">{escape(answer.reason)}</div>'
         "</div></div></div>"
     )
 

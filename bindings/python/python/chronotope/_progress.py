@@ -18,9 +18,9 @@ class _Calls:
         pass
 
 
-def bar(wish: object, total: int, what: str) -> Any:
+def bar(wish: bool | Callable[[int, int], object], total: int, what: str) -> Any:
     """A bar of tqdm where it is installed, calls of a function, or None."""
-    if callable(wish):
+    if not isinstance(wish, (bool, int)):
         return _Calls(wish, total)
     if not wish:
         return None

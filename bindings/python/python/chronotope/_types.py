@@ -40,20 +40,20 @@ PointsLike: TypeAlias = npt.ArrayLike
 #: uint8 (n, 32).
 DescriptorsLike: TypeAlias = npt.ArrayLike
 #: int64 microseconds since 1970.
-Microseconds: TypeAlias = "npt.NDArray[np.int64]"
+Microseconds: TypeAlias = npt.NDArray[np.int64]
 #: int8: 1, 0, or -1 where missing.
-States: TypeAlias = "npt.NDArray[np.int8]"
+States: TypeAlias = npt.NDArray[np.int8]
 
-Points: TypeAlias = "npt.NDArray[np.float32]"
-Strengths: TypeAlias = "npt.NDArray[np.float32]"
-Descriptors: TypeAlias = "npt.NDArray[np.uint8]"
-Numbers: TypeAlias = "npt.NDArray[np.float64]"
-Triples: TypeAlias = "npt.NDArray[np.float64]"
-Ids: TypeAlias = "npt.NDArray[np.uint32]"
-Stamps: TypeAlias = "npt.NDArray[np.int64]"
-Ternary: TypeAlias = "npt.NDArray[np.int8]"
-Picture: TypeAlias = "npt.NDArray[np.uint8]"
-Matches: TypeAlias = "npt.NDArray[np.void]"
+Points: TypeAlias = npt.NDArray[np.float32]
+Strengths: TypeAlias = npt.NDArray[np.float32]
+Descriptors: TypeAlias = npt.NDArray[np.uint8]
+Numbers: TypeAlias = npt.NDArray[np.float64]
+Triples: TypeAlias = npt.NDArray[np.float64]
+Ids: TypeAlias = npt.NDArray[np.uint32]
+Stamps: TypeAlias = npt.NDArray[np.int64]
+Ternary: TypeAlias = npt.NDArray[np.int8]
+Picture: TypeAlias = npt.NDArray[np.uint8]
+Matches: TypeAlias = npt.NDArray[np.void]
 Json: TypeAlias = dict[str, Any]
 Moment: TypeAlias = datetime.datetime
 MaybeMoment: TypeAlias = Union[datetime.datetime, None]

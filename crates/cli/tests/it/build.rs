@@ -2,7 +2,6 @@
 
 use std::fmt::Write as _;
 use std::fs;
-use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
@@ -59,7 +58,7 @@ fn problems_of_a_dataset_are_listed_and_the_rest_is_learnt() {
     let whole = &images()[0].3;
     fixture.write("data/images/cut.png", &whole[..whole.len() / 2]);
     fixture.write("data/images/empty.png", "");
-    fixture.write("data/images/small.png", plain((64, 48), 7));
+    fixture.write("data/images/small.png", plain((48, 64), 7));
     let rows = [
         ("place-00", "2024-01-01T00:00:00Z", "images/none.png"),
         ("place-00", "2024-01-02T00:00:00Z", "images/empty.png"),
@@ -80,7 +79,7 @@ fn problems_of_a_dataset_are_listed_and_the_rest_is_learnt() {
         "empty.png` is empty",
         "cut.png",
         "a second image of `place-00`",
-        "64 x 48",
+        "48 x 64",
         "5 problems",
     ]);
 
@@ -144,96 +143,73 @@ fn a_finished_map_is_never_overwritten() {
     );
 }
 
-/// A build in another process, held at an image that is a pipe until the test writes it.
+/// A build in another process that is under way, and takes long.
 struct HeldBuild {
     fixture: Fixture,
     process: std::process::Child,
-    pipe: fs::File,
     num_visits: usize,
 }
 
 impl HeldBuild {
-    const PIPE: &str = "data/images/pipe.png";
-
-    /// Starts `build` on many visits and waits until it reads the one in the middle.
-    fn start(build: &str) -> Self {
+    /// Starts `build`, and waits until it has begun to learn; `is_begun` says so of the folder.
+    fn start(build: &str, is_begun: impl Fn(&Fixture) -> bool) -> Self {
         let fixture = Fixture::new();
-        let mut index = String::from("place,time,path\n");
-        let mut num_visits = 1;
-        for day in 0..40 {
-            for (place, time, name, _) in images() {
-                let time = time.plus_us(day * 120_000_000);
-                writeln!(index, "place-{place:02},{time},{name}").expect("memory");
-                num_visits += 1;
-            }
+        // Large images of the same shape, after all others.
+        let mut state = 1_u32;
+        let slow = image::GrayImage::from_fn(5_000, 3_750, |_, _| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            image::Luma([(state >> 24) as u8])
+        });
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        slow.write_to(&mut bytes, image::ImageFormat::Pnm)
+            .expect("memory");
+        fixture.write("data/images/slow.pgm", bytes.into_inner());
+        let mut index = fixture.index();
+        let mut num_visits = images().len();
+        for day in 1..=40 {
+            let time = query_time().plus_us(day * 86_400_000_000);
+            writeln!(index, "place-00,{time},images/slow.pgm").expect("memory");
+            num_visits += 1;
         }
-        let (_, time, ..) = images()[images().len() / 2];
-        writeln!(
-            index,
-            "place-00,{},images/pipe.png",
-            time.plus_us(60_000_000)
-        )
-        .expect("memory");
         fixture.write("data/index.csv", index);
-        let path = fixture.path(Self::PIPE);
-        let made = Command::new("mkfifo").arg(&path).status();
-        assert!(made.expect("mkfifo is there").success());
-        let process = fixture
-            .command(build)
+        let mut process = (fixture.command(build).env("RAYON_NUM_THREADS", "1"))
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
             .expect("the command starts");
-        let (sender, receiver) = std::sync::mpsc::channel();
-        // Opening a pipe waits for whoever reads it; on its own thread, so that the test can give
-        // up.
-        std::thread::spawn(move || sender.send(fs::OpenOptions::new().write(true).open(path)));
-        let pipe = receiver
-            .recv_timeout(Duration::from_secs(120))
-            .expect("the build comes to the pipe")
-            .expect("writable");
+        let begun = std::time::Instant::now();
+        while !is_begun(&fixture) {
+            assert!(begun.elapsed() < Duration::from_secs(120), "nothing begins");
+            assert!(process.try_wait().expect("a child").is_none(), "it ended");
+            std::thread::sleep(Duration::from_millis(10));
+        }
         Self {
             fixture,
             process,
-            pipe,
             num_visits,
         }
     }
 
-    /// Presses Ctrl-C, lets the image through once that has arrived, and waits for the end.
-    fn interrupt(mut self) -> (Fixture, usize, Ran) {
+    /// Presses Ctrl-C, and waits for the end.
+    fn interrupt(self) -> (Fixture, usize, Ran) {
         let sent = Command::new("sh")
             .args(["-c", "kill -INT \"$0\"", &self.process.id().to_string()])
             .status();
         assert!(sent.expect("kill is there").success());
-        let mut stderr = BufReader::new(self.process.stderr.take().expect("piped"));
-        let mut said = String::new();
-        while !said.contains("stopping after") {
-            let num_read = stderr.read_line(&mut said).expect("text");
-            assert!(num_read > 0, "it ended before it saw Ctrl-C: {said}");
-        }
-        let (.., picture) = &images()[0];
-        self.pipe.write_all(picture).expect("it is read");
-        drop(self.pipe);
-        stderr.read_to_string(&mut said).expect("text");
         let output = self.process.wait_with_output().expect("it ends");
-        let mut stopped = Ran::from(output);
-        stopped.stderr = said;
-        // From now on an image like the others.
-        fs::remove_file(self.fixture.path(Self::PIPE)).expect("is there");
-        self.fixture.write(Self::PIPE, picture);
-        (self.fixture, self.num_visits, stopped)
+        (self.fixture, self.num_visits, Ran::from(output))
     }
 }
 
 #[test]
 fn an_interrupted_build_goes_on_where_it_stopped() {
     let build = "map build --data data --out street.map --commit-every 0";
-    let held = HeldBuild::start(build);
-    let part = held.fixture.path("street.map.part");
     // Another process may read a map that is being built.
-    let seen = held.fixture.open("street.map.part");
-    assert!(seen.summary().num_visits > 0, "no commit was seen");
+    let held = HeldBuild::start(build, |fixture| {
+        Map::open_read_only(fixture.path("street.map.part"))
+            .is_ok_and(|map| map.snapshot().summary().num_visits > 0)
+    });
+    let part = held.fixture.path("street.map.part");
     let (fixture, num_visits, stopped) = held.interrupt();
     assert_eq!(stopped.code, 130, "{stopped:?}");
     stopped.notes(&["give the same command again"]);
@@ -279,7 +255,8 @@ fn the_reference_preset_commits_once_at_the_end() {
 
 #[test]
 fn an_interrupted_reference_build_leaves_nothing_half_done() {
-    let held = HeldBuild::start("map build --data data --out street.map --preset lttl");
+    let build = "map build --data data --out street.map --preset lttl";
+    let held = HeldBuild::start(build, |fixture| fixture.path("street.map.part").exists());
     let part = held.fixture.path("street.map.part");
     assert!(part.exists());
     let (fixture, _, stopped) = held.interrupt();

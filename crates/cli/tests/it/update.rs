@@ -180,14 +180,14 @@ fn an_update_of_what_is_no_map_or_has_other_images_changes_nothing() {
     // Images of another size are problems, one by one.
     let before = fs::read(fixture.path("street.map")).expect("there");
     fs::create_dir_all(fixture.path("other")).expect("writable");
-    fixture.write("other/a.png", plain((64, 48), 0));
+    fixture.write("other/a.png", plain((48, 64), 0));
     fixture.write(
         "other/index.csv",
         "place,time,path\nplace-00,2024-01-01T00:00:00Z,a.png\n",
     );
     let ran = fixture.run("map update street.map --data other");
     assert_eq!(ran.code, 1, "{ran:?}");
-    ran.notes(&["1 problem", "64 x 48 px"]);
+    ran.notes(&["1 problem", "48 x 64 px"]);
     assert_eq!(fs::read(fixture.path("street.map")).expect("there"), before);
 }
 

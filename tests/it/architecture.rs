@@ -174,7 +174,9 @@ fn a_forbidden_path_is_found() {
 #[test]
 fn unsafe_code_stands_where_it_is_named_only() {
     let mut num_inside = 0;
-    let others = ["bindings", "crates", "eval/src", "tests", "benches", "examples"];
+    let others = [
+        "bindings", "crates", "eval/src", "tests", "benches", "examples",
+    ];
     let others = others.into_iter().flat_map(rust_files);
     for (path, source) in library_files("src").into_iter().chain(others) {
         let num_unsafe = words(&blank(&source))

@@ -67,6 +67,15 @@ pub(crate) struct PyCandidate {
     at: usize,
 }
 
+/// On which displacement the matches of a place agree, and their spread, px.
+fn displacement(candidate: &Candidate) -> (Option<[f64; 2]>, Option<[f64; 2]>) {
+    let vote = Some(candidate.displacement).filter(|vote| vote.num_inliers > 0);
+    (
+        vote.map(|vote| [vote.median.dx_px, vote.median.dy_px]),
+        vote.map(|vote| [vote.spread.dx_px, vote.spread.dy_px]),
+    )
+}
+
 impl Told {
     fn key(&self, node: NodeId) -> &PlaceKey {
         &self.snapshot.node(node).key
@@ -79,14 +88,6 @@ impl Told {
             Decision::Ambiguous => ("ambiguous", None),
             _ => ("unknown", None),
         }
-    }
-
-    fn displacement(&self, candidate: &Candidate) -> (Option<[f64; 2]>, Option<[f64; 2]>) {
-        let vote = Some(candidate.displacement).filter(|vote| vote.num_inliers > 0);
-        (
-            vote.map(|vote| [vote.median.dx_px, vote.median.dy_px]),
-            vote.map(|vote| [vote.spread.dx_px, vote.spread.dy_px]),
-        )
     }
 
     /// The features of a candidate that were matched, as the ranks of its matches count them.
@@ -170,8 +171,7 @@ impl Told {
         };
         let answer = &self.answer;
         let first = answer.first();
-        let (displacement_px, displacement_spread_px) =
-            first.map_or((None, None), |first| self.displacement(first));
+        let (displacement_px, displacement_spread_px) = first.map_or((None, None), displacement);
         let (decision, place) = self.decision();
         let is_near = matches!(answer.decision, Decision::Near(_));
         let keys = |nodes: &[NodeId]| nodes.iter().map(|&node| self.key(node).as_str()).collect();
@@ -338,7 +338,7 @@ impl PyLocalization {
     #[getter]
     fn displacement_spread_px(&self) -> Option<(f64, f64)> {
         let first = self.told.answer.first()?;
-        self.told.displacement(first).1.map(|[x, y]| (x, y))
+        displacement(first).1.map(|[x, y]| (x, y))
     }
 
     /// Matches of the first place.
@@ -532,10 +532,7 @@ impl PyCandidate {
     /// The displacement of these, (dx, dy) in px, live minus map.
     #[getter]
     fn displacement_px(&self) -> Option<(f64, f64)> {
-        self.told
-            .displacement(self.candidate())
-            .0
-            .map(|[x, y]| (x, y))
+        displacement(self.candidate()).0.map(|[x, y]| (x, y))
     }
 
     /// Its matches, as those of ``Localization.matches``.

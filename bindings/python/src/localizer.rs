@@ -218,11 +218,7 @@ impl PyLocalizer {
         kept.unwrap_or_else(|| self.localizer.scratch())
     }
 
-    fn extract(
-        &self,
-        view: GrayView<'_>,
-        mask: Option<&GrayImage>,
-    ) -> Result<(Arc<Features>, Option<(u32, u32)>), Error> {
+    fn extract(&self, view: GrayView<'_>, mask: Option<&GrayImage>) -> Result<Extracted, Error> {
         let mut features = Features::new();
         self.extractor.extract_into(view, mask, &mut features)?;
         Ok((Arc::new(features), Some(view.size())))
@@ -253,7 +249,10 @@ impl PyLocalizer {
     }
 }
 
-impl<'py> Given<'py> {
+/// The features of an image, with its size where that is known.
+type Extracted = (Arc<Features>, Option<(u32, u32)>);
+
+impl Given<'_> {
     fn task(&self) -> Result<Task<'_>> {
         Ok(match self {
             Self::Pixels { pixels, .. } => Task::Pixels(pixels.view()?),

@@ -117,21 +117,21 @@ pub(crate) fn overlaid<T: Serialize + DeserializeOwned>(
 }
 
 /// An array (rows, columns), read-only: results do not change.
-pub(crate) fn table<'py, T: numpy::Element>(
-    py: Python<'py>,
+pub(crate) fn table<T: numpy::Element>(
+    py: Python<'_>,
     values: Vec<T>,
     columns: usize,
-) -> Result<Bound<'py, PyAny>> {
+) -> Result<Bound<'_, PyAny>> {
     let rows = values.len() / columns;
     let array = PyArray1::from_vec(py, values).reshape([rows, columns])?;
     frozen(array.into_any())
 }
 
 /// An array (rows,), read-only.
-pub(crate) fn column<'py, T: numpy::Element>(
-    py: Python<'py>,
+pub(crate) fn column<T: numpy::Element>(
+    py: Python<'_>,
     values: Vec<T>,
-) -> Result<Bound<'py, PyAny>> {
+) -> Result<Bound<'_, PyAny>> {
     frozen(PyArray1::from_vec(py, values).into_any())
 }
 

@@ -247,7 +247,7 @@ pub(crate) fn read_csv<'py>(
 ///
 /// Errors: ``TimeError`` with the row.
 #[pyfunction]
-pub(crate) fn parse_times<'py>(py: Python<'py>, texts: Vec<String>) -> Result<Stamps<'py>> {
+pub(crate) fn parse_times(py: Python<'_>, texts: Vec<String>) -> Result<Stamps<'_>> {
     let parse = |(row, text): (usize, &String)| {
         let time = Time::parse(text).map_err(|error| error.with_place(format!("row {row}")))?;
         Ok(time.as_us())

@@ -298,7 +298,7 @@ impl LocalizerConfig {
                 method: Method::Fremen,
                 score: Score::Likelihood,
                 selection: Selection::at_least_one(50),
-                many_visits: 8,
+                many_visits: 6,
                 choice: Choice::Covering,
                 calibrated: true,
                 without: Vec::new(),
@@ -365,8 +365,8 @@ impl LocalizerConfig {
     }
 
     /// A place of fewer visits than this is predicted by more than n features, as long as nothing
-    /// is known of which of them last: by `n * (many_visits / visits)^1.5` (rounded up), at most 300.
-    /// With 1, by n.
+    /// is known of which of them last: by `n * many_visits / visits` (rounded up), at most 300. With
+    /// 1, by n.
     #[must_use]
     pub fn with_many_visits(mut self, many_visits: u32) -> Self {
         self.0.many_visits = many_visits;
@@ -470,8 +470,7 @@ impl LocalizerConfig {
         if num_visits >= many {
             return n;
         }
-        let ratio = many as f64 / num_visits.max(1) as f64;
-        let grown = (n as f64 * ratio * ratio.sqrt()).ceil() as usize;
+        let grown = n.saturating_mul(many).div_ceil(num_visits.max(1));
         grown.min(MAX_FOR_FEW_VISITS).max(n)
     }
 

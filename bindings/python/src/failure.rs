@@ -159,8 +159,10 @@ pub(crate) fn interruptible<T: Send + 'static>(
 }
 
 /// Whether somebody has pressed Ctrl-C; for work without the interpreter's lock.
-// The method is not general enough in its lifetime to be handed over by name.
-#[allow(clippy::redundant_closure_for_method_calls)]
+#[allow(
+    clippy::redundant_closure_for_method_calls,
+    reason = "the method is not general enough in its lifetime to be handed over by name"
+)]
 pub(crate) fn check_interrupt() -> Result<()> {
     Python::attach(|py| py.check_signals())?;
     Ok(())

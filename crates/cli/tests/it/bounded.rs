@@ -163,10 +163,11 @@ fn with_packed_texts(png: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// The command with at most so many bytes of address space, on one thread.
+/// The command with at most so many bytes of memory of its own, on one thread: libraries that it is
+/// linked with, such as those of a camera, are not counted.
 fn limited(fixture: &Fixture, line: &str, max_bytes: u64) -> Ran {
     let command = env!("CARGO_BIN_EXE_chronotope");
-    let script = format!("ulimit -v {}; exec {command} {line}", max_bytes >> 10);
+    let script = format!("ulimit -d {}; exec {command} {line}", max_bytes >> 10);
     let output = (Command::new("sh").args(["-c", &script]))
         .current_dir(fixture.dir.path())
         .env("RAYON_NUM_THREADS", "1")
@@ -179,7 +180,7 @@ fn limited(fixture: &Fixture, line: &str, max_bytes: u64) -> Ran {
 /// What every command keeps to that reads single files of up to 64 MB, and the program itself.
 const MAX_BYTES: u64 = 600_000_000;
 
-/// What the program maps of itself and its libraries.
+/// What the program and its libraries bring along.
 const PROGRAM_BYTES: u64 = 100_000_000;
 
 #[test]

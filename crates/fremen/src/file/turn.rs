@@ -49,7 +49,8 @@ impl Turn {
     }
 }
 
-#[cfg(all(test, unix))]
+#[cfg(test)]
+#[cfg(unix)]
 #[expect(
     clippy::used_underscore_binding,
     reason = "only tests look at what is held"

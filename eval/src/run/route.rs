@@ -11,7 +11,7 @@
 //! Deviation: `SeqSLAM` compares shrunk images; here its rows are the scores of the run itself, so
 //! that what is compared is the use of the sequence. They are set against those of the whole route:
 //! with the published window of ten, places that overlap cancel each other (`corridor` within 2: 45
-//! instead of 87 %). Lines may also lead backwards.
+//! instead of 88 %). Lines may also lead backwards.
 
 use anyhow::Result;
 use chronotope::dataset::Dataset;

@@ -1,0 +1,33 @@
+//! Which cell of the world is occupied at time t?
+//!
+//! A spatio-temporal occupancy grid, in 2-D or 3-D, keeps when each cell was seen free and when
+//! occupied, learns the rhythm and the persistence of these changes, and predicts the occupancy
+//! grid of any time.
+//!
+//! # Rooms
+//!
+//! | room | the question it answers |
+//! |---|---|
+//! | [`cells`] | where is a cell, and in which state? |
+//!
+//! Each names only those above it.
+//!
+//! # Conventions
+//!
+//! Lengths are metres, angles radians, times whole microseconds since 1970 in UTC
+//! ([`Time`](fremen::Time)). Cell `[x, y, z]` of a grid has the index `x + w (y + h z)`: x runs
+//! fastest. A probability lies in [0, 1]; the same input gives the same bytes for any number of
+//! threads.
+//!
+//! # Sources
+//!
+//! - T. Krajník, J. P. Fentanes, J. M. Santos, T. Duckett: FreMEn: Frequency map enhancement for
+//!   long-term mobile robot autonomy in changing environments. IEEE Transactions on Robotics, 2017.
+//!   In these docs: T-RO 2017.
+//! - T. Krajník, J. P. Fentanes, M. Hanheide, T. Duckett: Persistent localization and life-long
+//!   mapping in changing environments using the frequency map enhancement. IROS 2016.
+
+pub mod cells;
+
+pub use cells::{CellState, GridSpec, OccupancyMap, Patch};
+pub use fremen::{Error, ErrorKind, Result, Time};

@@ -1,0 +1,3 @@
+//! What must hold of grids, whatever they are made of.
+
+mod cells;

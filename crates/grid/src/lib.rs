@@ -9,6 +9,10 @@
 //! | room | the question it answers |
 //! |---|---|
 //! | [`cells`] | where is a cell, and in which state? |
+//! | [`history`] | when was each cell free, occupied and hidden? |
+//! | [`model`] | which rhythm and which persistence has each cell? |
+//! | [`temporal`] | what will the world look like at time t? |
+//! | [`exchange`] | how are maps read that others wrote, and written so that others read them? |
 //!
 //! Each names only those above it.
 //!
@@ -28,6 +32,14 @@
 //!   mapping in changing environments using the frequency map enhancement. IROS 2016.
 
 pub mod cells;
+pub mod exchange;
+pub mod history;
+pub mod model;
+pub mod temporal;
+mod tiles;
 
-pub use cells::{CellState, GridSpec, OccupancyMap, Patch};
+pub use cells::{CellState, GridSpec, OccupancyMap, Patch, Thresholds};
 pub use fremen::{Error, ErrorKind, Result, Time};
+pub use history::{FrameStream, History, Outcome, Verdict};
+pub use model::{CellModel, GridConfig};
+pub use temporal::{Explanation, FittedGrid, TemporalGrid};

@@ -1,3 +1,7 @@
 //! What must hold of grids, whatever they are made of.
 
 mod cells;
+mod exchange;
+mod history;
+mod temporal;
+mod twin;

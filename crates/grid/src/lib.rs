@@ -13,6 +13,7 @@
 //! | [`model`] | which rhythm and which persistence has each cell? |
 //! | [`temporal`] | what will the world look like at time t? |
 //! | [`exchange`] | how are maps read that others wrote, and written so that others read them? |
+//! | [`mod@file`] | how is a grid kept in a file, whatever happens to the machine? |
 //!
 //! Each names only those above it.
 //!
@@ -33,12 +34,14 @@
 
 pub mod cells;
 pub mod exchange;
+pub mod file;
 pub mod history;
 pub mod model;
 pub mod temporal;
 mod tiles;
 
 pub use cells::{CellState, GridSpec, OccupancyMap, Patch, Thresholds};
+pub use file::GridFile;
 pub use fremen::{Error, ErrorKind, Result, Time};
 pub use history::{FrameStream, History, Outcome, Verdict};
 pub use model::{CellModel, GridConfig};

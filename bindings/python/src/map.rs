@@ -20,7 +20,7 @@ use crate::hints::{
     ConfigLike, Descriptors, Ids, Json, MapLike, MaybeMoment, Moment, Numbers, PathLike, Points,
     ProgressLike, Stamps, Ternary, TimeLike, Triples,
 };
-use crate::learn_folder::{Folder, Report};
+use crate::learn_folder;
 use crate::map_changes::{self, Correction, known_or_written};
 use crate::map_json::{self, Predicted};
 use crate::progress::Progress;
@@ -42,7 +42,7 @@ pub(crate) struct PyMap {
     /// same one would lose one of them.
     changing: Mutex<()>,
     /// What it was built of.
-    learnt: Option<Report>,
+    learnt: Option<TrainingReport>,
 }
 
 impl PyMap {
@@ -226,16 +226,19 @@ impl PyMap {
         let (data, path) = (path_of(&data)?, path_of(&path)?);
         let preset: Preset = preset.parse()?;
         let cfg = learn_config(preset, config.as_ref(), keep_appearances)?;
-        let zone = zone.map(Zone::new).transpose()?;
-        let pool = pool_of(threads)?;
-        map_changes::refuse_existing(&path)?;
-        let folder = detached(py, || {
-            Folder::to_build(&data, &path, preset, cfg, zone.as_ref())
+        let reading = ReadOptions {
+            zone: zone.map(Zone::new).transpose()?,
+            ..ReadOptions::default()
+        };
+        let cfg = TrainingConfig::new(preset, cfg)
+            .with_reading(reading)
+            .with_num_threads(checked_threads(threads)?);
+        let mut training = detached(py, || Training::to_build(&data, &path, &cfg))?;
+        let report = learn_folder::run(py, &mut training, progress.as_ref())?;
+        let map = detached(py, || {
+            drop(training);
+            Map::open(&path)
         })?;
-        let mut bar = Progress::new(py, progress.as_ref(), folder.num_images(), "learning")?;
-        let (map, report) = detached_with(py, || folder.learn(&pool, &mut bar))?;
-        bar.close()?;
-        report.log();
         Ok(Self {
             learnt: Some(report),
             ..Self::of(map)
@@ -258,22 +261,14 @@ impl PyMap {
     ) -> Result<PyReport> {
         let map = self.open()?;
         let data = path_of(&data)?;
-        if map.is_read_only() {
-            return Err(Error::new(ErrorKind::Io, "this map may not be written")
-                .with_path(&self.path)
-                .with_help("change the rights or copy it")
-                .into());
-        }
         let preset = preset_of(&map.snapshot().meta);
         let cfg = learn_config(preset, config.as_ref(), keep_appearances)?;
-        let pool = pool_of(threads)?;
-        let path = self.path.clone();
-        let folder = detached(py, || Folder::to_update(&data, &path, cfg))?;
-        let mut bar = Progress::new(py, progress.as_ref(), folder.num_images(), "learning")?;
-        let (_, report) = detached_with(py, || folder.learn(&pool, &mut bar))?;
-        bar.close()?;
+        let cfg = TrainingConfig::new(preset, cfg).with_num_threads(checked_threads(threads)?);
+        let mut training = detached(py, || {
+            Map::open(&self.path).and_then(|map| Training::to_update(map, &data, &cfg))
+        })?;
+        let report = learn_folder::run(py, &mut training, progress.as_ref())?;
         detached(py, || map.refresh())?;
-        report.log();
         Ok(PyReport { report })
     }
 
@@ -875,7 +870,7 @@ impl PyPredictedMap {
 /// What was learnt of a folder, and what was left out.
 #[pyclass(frozen, module = "chronotope", name = "LearnReport")]
 pub(crate) struct PyReport {
-    report: Report,
+    report: TrainingReport,
 }
 
 #[pymethods]
@@ -907,7 +902,9 @@ impl PyReport {
     /// What was left out, and why.
     #[getter]
     fn problems(&self) -> Vec<String> {
-        self.report.problems.clone()
+        (self.report.problems.iter())
+            .map(ToString::to_string)
+            .collect()
     }
 
     fn __repr__(&self) -> String {

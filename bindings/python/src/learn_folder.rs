@@ -43,7 +43,9 @@ fn warn(training: &Training) {
         );
     }
     if let (Some((width, height)), num_scaled @ 1..) = training.scaled() {
-        tracing::warn!("{num_scaled} images of another resolution are scaled to {width} x {height} px");
+        tracing::warn!(
+            "{num_scaled} images of another resolution are scaled to {width} x {height} px"
+        );
     }
 }
 

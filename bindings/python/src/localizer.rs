@@ -9,6 +9,7 @@ use chronotope::feature::{
 };
 use chronotope::localize::{IndexCache, Localization, Localizer, Query, Scratch};
 use chronotope::map::{MapMeta, PlaceKey};
+use chronotope::time::Zone;
 use chronotope::{Error, ErrorKind, Time};
 use pyo3::prelude::*;
 use pyo3::types::PyList;

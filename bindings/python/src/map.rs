@@ -3,18 +3,20 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use chronotope::dataset::ReadOptions;
 use chronotope::feature::{ExtractorConfig, StarBriefConfig};
 use chronotope::learn::{KeepAppearances, LearnConfig};
 use chronotope::localize::{Localizer, LocalizerConfig, Method, Preset};
 use chronotope::map::{Map, MapMeta, Node, NodeId, Snapshot, derived_uuid, random_uuid};
 use chronotope::predict::Selection;
 use chronotope::time::Zone;
+use chronotope::training::{Training, TrainingConfig, TrainingReport};
 use chronotope::{Error, ErrorKind, Time};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use serde_json::Value;
 
-use crate::failure::{Failure, Result, detached, detached_with, interruptible, of_kind};
+use crate::failure::{Failure, Result, detached, interruptible, of_kind};
 use crate::features::{PyFeatures, xy_of};
 use crate::hints::{
     ConfigLike, Descriptors, Ids, Json, MapLike, MaybeMoment, Moment, Numbers, PathLike, Points,
@@ -23,9 +25,8 @@ use crate::hints::{
 use crate::learn_folder;
 use crate::map_changes::{self, Correction, known_or_written};
 use crate::map_json::{self, Predicted};
-use crate::progress::Progress;
 use crate::python::{column, json_line, loads, maybe_moment, moment, overlaid, path_of, table};
-use crate::settings::{pool_of, preset_of};
+use crate::settings::{checked_threads, preset_of};
 
 /// A map file: places, what was seen at each visit, and every commit that made it.
 ///
@@ -567,10 +568,10 @@ impl PyMap {
     #[staticmethod]
     fn import_folder(py: Python<'_>, folder: PathLike<'_>, path: PathLike<'_>) -> Result<Self> {
         let (folder, path) = (path_of(&folder)?, path_of(&path)?);
-        map_changes::refuse_existing(&path)?;
+        Map::refuse_existing(&path)?;
         let map = detached(py, || {
             let snapshot = Snapshot::import(&folder)?;
-            Map::create_from(&path, &snapshot).map_err(map_changes::never_overwritten)
+            Map::create_from(&path, &snapshot)
         })?;
         Ok(Self::of(map))
     }

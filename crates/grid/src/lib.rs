@@ -20,7 +20,7 @@
 //! # Conventions
 //!
 //! Lengths are metres, angles radians, times whole microseconds since 1970 in UTC
-//! ([`Time`](fremen::Time)). Cell `[x, y, z]` of a grid has the index `x + w (y + h z)`: x runs
+//! ([`Time`]). Cell `[x, y, z]` of a grid has the index `x + w (y + h z)`: x runs
 //! fastest. A probability lies in [0, 1]; the same input gives the same bytes for any number of
 //! threads.
 //!

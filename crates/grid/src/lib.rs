@@ -9,6 +9,9 @@
 //! | room | the question it answers |
 //! |---|---|
 //! | [`cells`] | where is a cell, and in which state? |
+//! | [`random`] | which number comes next, the same on every run and in every thread? |
+//! | [`pose`] | where does the robot stand in the plane, and where does it look? |
+//! | [`scan`] | what does a planar laser say about cells? |
 //!
 //! Each names only those above it.
 //!
@@ -28,6 +31,9 @@
 //!   mapping in changing environments using the frequency map enhancement. IROS 2016.
 
 pub mod cells;
+pub mod pose;
+pub mod random;
+pub mod scan;
 
 pub use cells::{CellState, GridSpec, OccupancyMap, Patch};
 pub use fremen::{Error, ErrorKind, Result, Time};

@@ -12,6 +12,7 @@
 //! | [`random`] | which number comes next, the same on every run and in every thread? |
 //! | [`pose`] | where does the robot stand in the plane, and where does it look? |
 //! | [`scan`] | what does a planar laser say about cells? |
+//! | [`localize`] | where is the robot in a map, and is the map still right? |
 //!
 //! Each names only those above it.
 //!
@@ -31,6 +32,7 @@
 //!   mapping in changing environments using the frequency map enhancement. IROS 2016.
 
 pub mod cells;
+pub mod localize;
 pub mod pose;
 pub mod random;
 pub mod scan;

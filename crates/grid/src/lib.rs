@@ -13,6 +13,7 @@
 //! | [`pose`] | where does the robot stand in the plane, and where does it look? |
 //! | [`scan`] | what does a planar laser say about cells? |
 //! | [`localize`] | where is the robot in a map, and is the map still right? |
+//! | [`simulation`] | what would a robot have seen in a world whose truth is known? |
 //!
 //! Each names only those above it.
 //!
@@ -36,6 +37,7 @@ pub mod localize;
 pub mod pose;
 pub mod random;
 pub mod scan;
+pub mod simulation;
 
 pub use cells::{CellState, GridSpec, OccupancyMap, Patch};
 pub use fremen::{Error, ErrorKind, Result, Time};

@@ -14,6 +14,7 @@
 //! | [`scan`] | what does a planar laser say about cells? |
 //! | [`localize`] | where is the robot in a map, and is the map still right? |
 //! | [`simulation`] | what would a robot have seen in a world whose truth is known? |
+//! | [`experiment`] | how good is all this? |
 //!
 //! Each names only those above it.
 //!
@@ -33,6 +34,7 @@
 //!   mapping in changing environments using the frequency map enhancement. IROS 2016.
 
 pub mod cells;
+pub mod experiment;
 pub mod localize;
 pub mod pose;
 pub mod random;

@@ -34,6 +34,9 @@ pub struct FilterConfig {
     /// How many independent observations these beams are worth: neighbouring beams see the same
     /// things, and fail together.
     pub evidence: f64,
+    /// The share of the particles beyond the fewest that must carry the weight after a scan; the
+    /// scan counts less where fewer would.
+    pub min_effective: f64,
     /// The noise of the odometry.
     pub motion: MotionModel,
     /// How fast the long-term mean of the fit follows, per scan.
@@ -49,14 +52,15 @@ pub struct FilterConfig {
 impl Default for FilterConfig {
     fn default() -> Self {
         Self {
-            min_particles: 500,
+            min_particles: 1_000,
             max_particles: 20_000,
             bin_m: 0.25,
             num_headings: 36,
             kld_error: 0.02,
             kld_quantile: 2.33,
             num_beams: 60,
-            evidence: 12.0,
+            evidence: 40.0,
+            min_effective: 0.05,
             motion: MotionModel::default(),
             slow: 0.02,
             fast: 0.3,
@@ -73,6 +77,7 @@ impl FilterConfig {
             && self.num_headings > 0
             && self.num_beams > 0
             && positive.iter().all(|x| *x > 0.0 && x.is_finite())
+            && (0.0..=1.0).contains(&self.min_effective)
             && (0.0..=1.0).contains(&self.slow)
             && (self.slow..=1.0).contains(&self.fast);
         if is_valid {
@@ -152,8 +157,53 @@ pub struct MonteCarlo {
     seed: u64,
     num_steps: u64,
     particles: Vec<Particle>,
+    fit: FitHistory,
+}
+
+/// How well scans used to fit, and how well they do now.
+#[derive(Clone, Copy, Debug, Default)]
+struct FitHistory {
     slow: f64,
     fast: f64,
+    /// Of single scans from the slow mean.
+    variance: f64,
+}
+
+/// How many deviations below the slow mean scans still fit as usual. Without this band, ordinary
+/// fluctuations draw particles anywhere at every scan (the plain rule of table 8.3), which costs an
+/// order of magnitude more particles.
+const USUAL: f64 = 2.0;
+/// A scan further off than this counts as this far, so that being lost is not soon called usual.
+const CLIP: f64 = 3.0;
+/// The deviation before anything is known, as a share of the first fit.
+const FIRST_DEVIATION: f64 = 0.1;
+
+impl FitHistory {
+    fn add(&mut self, fit: f64, slow: f64, fast: f64) {
+        if self.slow == 0.0 {
+            let variance = (FIRST_DEVIATION * fit).powi(2);
+            *self = Self {
+                slow: fit,
+                fast: fit,
+                variance,
+            };
+            return;
+        }
+        let off = (fit - self.slow).powi(2).min(CLIP * CLIP * self.variance);
+        self.variance += slow * (off - self.variance);
+        self.slow += slow * (fit - self.slow);
+        self.fast += fast * (fit - self.fast);
+    }
+
+    /// The share of particles to be drawn anywhere.
+    fn share_anywhere(&self) -> f64 {
+        let usual = self.slow - USUAL * self.variance.sqrt();
+        if usual > 0.0 {
+            (1.0 - self.fast / usual).clamp(0.0, 1.0)
+        } else {
+            0.0
+        }
+    }
 }
 
 /// What the streams of random numbers are for.
@@ -217,8 +267,7 @@ impl MonteCarlo {
             seed,
             num_steps: 0,
             particles: particles.collect(),
-            slow: 0.0,
-            fast: 0.0,
+            fit: FitHistory::default(),
         }
     }
 
@@ -275,24 +324,21 @@ impl MonteCarlo {
         let fit: f64 = (self.particles.iter().zip(&logs))
             .map(|(particle, log)| particle.weight * log.exp())
             .sum();
-        self.slow = follow(self.slow, fit, self.config.slow);
-        self.fast = follow(self.fast, fit, self.config.fast);
-        let evidence = self.config.evidence.min(readings.len() as f64);
-        let best = logs
-            .iter()
-            .fold(f64::NEG_INFINITY, |best, log| best.max(*log));
-        let mut sum = 0.0;
-        for (particle, log) in self.particles.iter_mut().zip(&logs) {
-            particle.weight *= (evidence * (log - best)).exp();
-            sum += particle.weight;
+        if !readings.is_empty() {
+            self.fit.add(fit, self.config.slow, self.config.fast);
         }
-        let equal = 1.0 / self.particles.len() as f64;
-        for particle in &mut self.particles {
-            particle.weight = if sum > 0.0 {
-                particle.weight / sum
-            } else {
-                equal
-            };
+        let before: Vec<f64> = self
+            .particles
+            .iter()
+            .map(|particle| particle.weight)
+            .collect();
+        let evidence = self.config.evidence.min(readings.len() as f64);
+        // The particles beyond the fewest are there because the robot may be in many places.
+        let num_spread = before.len() - self.config.min_particles.min(before.len());
+        let enough = self.config.min_effective * num_spread as f64;
+        let weights = tempered(&before, &logs, evidence, enough);
+        for (particle, weight) in self.particles.iter_mut().zip(weights) {
+            particle.weight = weight;
         }
         fit
     }
@@ -312,18 +358,9 @@ impl MonteCarlo {
         heaviest(&poses, &weights, &self.config.bound())
     }
 
-    /// The share of particles to be drawn anywhere.
-    fn share_anywhere(&self) -> f64 {
-        if self.slow > 0.0 {
-            (1.0 - self.fast / self.slow).clamp(0.0, 1.0)
-        } else {
-            0.0
-        }
-    }
-
     /// Draws particles by their weights, as many as their spread needs.
     fn resample(&mut self, readings: &Readings, sensor: &dyn SensorModel, space: &FreeSpace) {
-        let anywhere = self.share_anywhere();
+        let anywhere = self.fit.share_anywhere();
         let squares: f64 = self.particles.iter().map(|p| p.weight * p.weight).sum();
         let num_effective = 1.0 / squares;
         if anywhere == 0.0 && num_effective > 0.5 * self.particles.len() as f64 {
@@ -360,10 +397,6 @@ impl MonteCarlo {
         self.particles.clear();
         self.particles
             .extend(poses.into_iter().map(|pose| Particle { pose, weight }));
-        if anywhere > 0.0 {
-            // What was just drawn anywhere is judged by the next scans, not by the past.
-            self.fast = follow(self.fast, self.slow, self.config.slow);
-        }
     }
 
     /// `count` poses of the whole map at which the scan is likely.
@@ -412,11 +445,40 @@ impl MonteCarlo {
     }
 }
 
-/// An exponential mean; the first value is taken as it is.
-fn follow(mean: f64, value: f64, rate: f64) -> f64 {
-    if mean == 0.0 {
-        value
-    } else {
-        mean + rate * (value - mean)
+/// Weights after observations of these mean log likelihoods, which count as `evidence` independent
+/// ones, or as fewer where fewer than `enough` particles would then carry the weight. (One scan must not decide between all places of a building by the few particles that
+/// happen to be near the right one.)
+fn tempered(before: &[f64], logs: &[f64], evidence: f64, enough: f64) -> Vec<f64> {
+    let best = logs
+        .iter()
+        .fold(f64::NEG_INFINITY, |best, log| best.max(*log));
+    let weigh = |evidence: f64| {
+        let mut weights: Vec<f64> = (before.iter().zip(logs))
+            .map(|(weight, log)| weight * (evidence * (log - best)).exp())
+            .collect();
+        let sum: f64 = weights.iter().sum();
+        for weight in &mut weights {
+            *weight /= sum;
+        }
+        let squares: f64 = weights.iter().map(|weight| weight * weight).sum();
+        (weights, 1.0 / squares)
+    };
+    let (weights, num_effective) = weigh(evidence);
+    if num_effective >= enough {
+        return weights;
     }
+    // NaN, where all weights vanish, is not enough either.
+    let (mut low, mut high) = (0.0, evidence);
+    for _ in 0..NUM_BISECTIONS {
+        let middle = f64::midpoint(low, high);
+        if weigh(middle).1 >= enough {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    weigh(low).0
 }
+
+/// They find the evidence within a thousandth of the largest.
+const NUM_BISECTIONS: u32 = 10;

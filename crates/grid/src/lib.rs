@@ -9,6 +9,10 @@
 //! | room | the question it answers |
 //! |---|---|
 //! | [`cells`] | where is a cell, and in which state? |
+//! | [`history`] | when was each cell free, occupied and hidden? |
+//! | [`model`] | which rhythm and which persistence has each cell? |
+//! | [`temporal`] | what will the world look like at time t? |
+//! | [`exchange`] | how are maps read that others wrote, and written so that others read them? |
 //! | [`random`] | which number comes next, the same on every run and in every thread? |
 //! | [`pose`] | where does the robot stand in the plane, and where does it look? |
 //! | [`scan`] | what does a planar laser say about cells? |
@@ -34,12 +38,20 @@
 //!   mapping in changing environments using the frequency map enhancement. IROS 2016.
 
 pub mod cells;
+pub mod exchange;
 pub mod experiment;
+pub mod history;
 pub mod localize;
+pub mod model;
 pub mod pose;
 pub mod random;
 pub mod scan;
 pub mod simulation;
+pub mod temporal;
+mod tiles;
 
-pub use cells::{CellState, GridSpec, OccupancyMap, Patch};
+pub use cells::{CellState, GridSpec, OccupancyMap, Patch, Thresholds};
 pub use fremen::{Error, ErrorKind, Result, Time};
+pub use history::{FrameStream, History, Outcome, Verdict};
+pub use model::{CellModel, GridConfig};
+pub use temporal::{Explanation, FittedGrid, TemporalGrid};

@@ -12,21 +12,18 @@ proptest! {
         point in prop::array::uniform3(-1.1e3..1.1e3_f64),
     ) {
         let spec = GridSpec::new_3d([origin; 3], resolution, dims).unwrap();
-        match spec.cell_at(point) {
-            Some(cell) => {
-                let center = spec.center(cell);
-                prop_assert!(spec.contains(cell));
-                for axis in 0..3 {
-                    prop_assert!((center[axis] - point[axis]).abs() <= resolution * 0.5 + 1e-9);
-                }
+        if let Some(cell) = spec.cell_at(point) {
+            let center = spec.center(cell);
+            prop_assert!(spec.contains(cell));
+            for axis in 0..3 {
+                prop_assert!((center[axis] - point[axis]).abs() <= resolution * 0.5 + 1e-9);
             }
-            None => {
-                let inside = |axis: usize| {
-                    let step = (point[axis] - origin) / resolution;
-                    step >= 0.0 && step < f64::from(dims[axis])
-                };
-                prop_assert!(!(0..3).all(inside));
-            }
+        } else {
+            let inside = |axis: usize| {
+                let step = (point[axis] - origin) / resolution;
+                step >= 0.0 && step < f64::from(dims[axis])
+            };
+            prop_assert!(!(0..3).all(inside));
         }
     }
 }

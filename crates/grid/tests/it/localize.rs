@@ -96,6 +96,7 @@ fn a_robot_that_may_be_anywhere_finds_itself_and_one_that_is_carried_away_again(
         let rest = drive_along(&path[from..to], time, &scene, &laser, &mut random)?;
         let estimates = follow(&mut filter, &rest, &field, &space)?;
         let last = estimates.len() - 1;
+        println!("{seed}: {:?}", estimates.iter().map(|e| ((e.fit*100.0) as i32, e.num_particles, (e.share*100.0) as i32)).collect::<Vec<_>>());
         num_recovered += i32::from(estimates[last].pose.distance_m(&rest.truth[last]) < 0.2);
     }
     assert_eq!((num_found, num_recovered), (3, 3));

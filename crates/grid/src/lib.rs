@@ -17,6 +17,7 @@
 //! | [`pose`] | where does the robot stand in the plane, and where does it look? |
 //! | [`scan`] | what does a planar laser say about cells? |
 //! | [`localize`] | where is the robot in a map, and is the map still right? |
+//! | [`registration`] | does a patrol's map belong into the grid, and where? |
 //! | [`simulation`] | what would a robot have seen in a world whose truth is known? |
 //! | [`experiment`] | how good is all this? |
 //!
@@ -45,6 +46,7 @@ pub mod localize;
 pub mod model;
 pub mod pose;
 pub mod random;
+pub mod registration;
 pub mod scan;
 pub mod simulation;
 pub mod temporal;

@@ -158,6 +158,8 @@ pub struct MonteCarlo {
     num_steps: u64,
     particles: Vec<Particle>,
     fit: FitHistory,
+    /// Whether it began with a robot that may be anywhere.
+    is_global: bool,
 }
 
 /// How well scans used to fit, and how well they do now.
@@ -165,16 +167,17 @@ pub struct MonteCarlo {
 struct FitHistory {
     slow: f64,
     fast: f64,
-    /// Of single scans from the slow mean.
+    /// Of single scans from the fast mean.
     variance: f64,
+    num_scans: u32,
 }
 
 /// How many deviations below the slow mean scans still fit as usual. Without this band, ordinary
 /// fluctuations draw particles anywhere at every scan (the plain rule of table 8.3), which costs an
 /// order of magnitude more particles.
 const USUAL: f64 = 2.0;
-/// A scan further off than this counts as this far, so that being lost is not soon called usual.
-const CLIP: f64 = 3.0;
+/// By how much slower the slow mean follows scans that do not fit.
+const UNUSUAL: f64 = 0.1;
 /// The deviation before anything is known, as a share of the first fit.
 const FIRST_DEVIATION: f64 = 0.1;
 
@@ -186,12 +189,22 @@ impl FitHistory {
                 slow: fit,
                 fast: fit,
                 variance,
+                num_scans: 1,
             };
             return;
         }
-        let off = (fit - self.slow).powi(2).min(CLIP * CLIP * self.variance);
-        self.variance += slow * (off - self.variance);
-        self.slow += slow * (fit - self.slow);
+        self.num_scans += 1;
+        // At first the mean of all scans: a global start fits badly until it has found a place.
+        let slow = slow.max(1.0 / f64::from(self.num_scans)).min(fast);
+        let off = fit - self.fast;
+        // What is unusual teaches little of what is usual: a robot that is lost for long must not
+        // come to find that normal.
+        if self.share_anywhere() > 0.0 {
+            self.slow += UNUSUAL * slow * (fit - self.slow);
+        } else {
+            self.variance += slow * (off * off - self.variance);
+            self.slow += slow * (fit - self.slow);
+        }
         self.fast += fast * (fit - self.fast);
     }
 
@@ -256,7 +269,9 @@ impl MonteCarlo {
         config.check()?;
         let mut random = Random::stream(seed, &[BEGIN]);
         let poses = (0..config.max_particles).map(|_| space.sample(&mut random));
-        Ok(Self::of_poses(poses.collect(), config, seed))
+        let mut filter = Self::of_poses(poses.collect(), config, seed);
+        filter.is_global = true;
+        Ok(filter)
     }
 
     fn of_poses(poses: Vec<Pose2>, config: FilterConfig, seed: u64) -> Self {
@@ -268,6 +283,7 @@ impl MonteCarlo {
             num_steps: 0,
             particles: particles.collect(),
             fit: FitHistory::default(),
+            is_global: false,
         }
     }
 
@@ -358,9 +374,19 @@ impl MonteCarlo {
         heaviest(&poses, &weights, &self.config.bound())
     }
 
+    /// The share of particles to be drawn anywhere: after a global start one n-th at scan n, until
+    /// it is known how well scans fit, because the first place that fits may be the wrong one.
+    fn share_anywhere(&self) -> f64 {
+        let begin = 1.0 / f64::from(self.fit.num_scans.max(1));
+        let is_begin = self.is_global && self.fit.num_scans > 1 && begin > self.config.slow;
+        self.fit
+            .share_anywhere()
+            .max(if is_begin { begin } else { 0.0 })
+    }
+
     /// Draws particles by their weights, as many as their spread needs.
     fn resample(&mut self, readings: &Readings, sensor: &dyn SensorModel, space: &FreeSpace) {
-        let anywhere = self.fit.share_anywhere();
+        let anywhere = self.share_anywhere();
         let squares: f64 = self.particles.iter().map(|p| p.weight * p.weight).sum();
         let num_effective = 1.0 / squares;
         if anywhere == 0.0 && num_effective > 0.5 * self.particles.len() as f64 {

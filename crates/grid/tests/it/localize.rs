@@ -62,7 +62,6 @@ fn both_models_follow_a_robot_within_a_cell_or_two() -> Result<()> {
         let estimates = follow(&mut filter, &drive, model, &space)?;
         let errors = errors(&drive, &estimates);
         let (median, worst) = (errors[errors.len() / 2], errors[errors.len() - 1]);
-        println!("{name}: median {median:.3} m, worst {worst:.3} m");
         assert!(median < 0.05 && worst < 0.3, "{name}: {median} {worst}");
         // Sure of itself, with few particles.
         let last = estimates[estimates.len() - 1];
@@ -96,7 +95,6 @@ fn a_robot_that_may_be_anywhere_finds_itself_and_one_that_is_carried_away_again(
         let rest = drive_along(&path[from..to], time, &scene, &laser, &mut random)?;
         let estimates = follow(&mut filter, &rest, &field, &space)?;
         let last = estimates.len() - 1;
-        println!("{seed}: {:?}", estimates.iter().map(|e| ((e.fit*100.0) as i32, e.num_particles, (e.share*100.0) as i32)).collect::<Vec<_>>());
         num_recovered += i32::from(estimates[last].pose.distance_m(&rest.truth[last]) < 0.2);
     }
     assert_eq!((num_found, num_recovered), (3, 3));

@@ -14,6 +14,13 @@
 //! | [`temporal`] | what will the world look like at time t? |
 //! | [`exchange`] | how are maps read that others wrote, and written so that others read them? |
 //! | [`mod@file`] | how is a grid kept in a file, whatever happens to the machine? |
+//! | [`random`] | which number comes next, the same on every run and in every thread? |
+//! | [`pose`] | where does the robot stand in the plane, and where does it look? |
+//! | [`scan`] | what does a planar laser say about cells? |
+//! | [`localize`] | where is the robot in a map, and is the map still right? |
+//! | [`registration`] | does a patrol's map belong into the grid, and where? |
+//! | [`simulation`] | what would a robot have seen in a world whose truth is known? |
+//! | [`experiment`] | how good is all this? |
 //!
 //! Each names only those above it.
 //!
@@ -34,9 +41,16 @@
 
 pub mod cells;
 pub mod exchange;
+pub mod experiment;
 pub mod file;
 pub mod history;
+pub mod localize;
 pub mod model;
+pub mod pose;
+pub mod random;
+pub mod registration;
+pub mod scan;
+pub mod simulation;
 pub mod temporal;
 mod tiles;
 

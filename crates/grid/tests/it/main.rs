@@ -9,5 +9,6 @@ mod cells;
 mod exchange;
 mod file;
 mod history;
+mod localize;
 mod temporal;
 mod twin;

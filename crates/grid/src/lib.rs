@@ -58,5 +58,5 @@ pub use cells::{CellState, GridSpec, OccupancyMap, Patch, Thresholds};
 pub use file::GridFile;
 pub use fremen::{Error, ErrorKind, Result, Time};
 pub use history::{FrameStream, History, Outcome, Verdict};
-pub use model::{CellModel, GridConfig};
+pub use model::{CellModel, Errors, GridConfig};
 pub use temporal::{Explanation, FittedGrid, TemporalGrid};

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::cells::{CellState, GridSpec, OccupancyMap, Patch};
 use crate::history::{Forgotten, FrameStream, History, Memory, Verdict};
-use crate::model::{CellModel, GridConfig, Moment, Stats, TileModel, fit};
+use crate::model::{CellModel, Errors, GridConfig, Moment, Stats, TileModel, errors, fit};
 use crate::tiles::MAX_TILE_CELLS;
 
 /// A grid that remembers when each cell was free and when occupied, and predicts the occupancy of
@@ -458,6 +458,18 @@ impl FittedGrid<'_> {
             }
         }
         Ok(explanation)
+    }
+
+    /// How well the periodic part of predictions gives back every `stride`-th observation of each
+    /// tile.
+    pub fn errors(&self, stride: usize) -> Errors {
+        let TemporalGrid {
+            history,
+            config,
+            models,
+            ..
+        } = self.grid;
+        errors(history, config, models, stride.max(1))
     }
 
     /// Cells that were seen both free and occupied.

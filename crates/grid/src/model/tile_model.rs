@@ -208,8 +208,18 @@ impl TileModel {
         }
     }
 
-    /// f(t) in [0, 1].
-    fn periodic(&self, moment: &Moment, out: &mut Vec<f32>) {
+    /// The cells that were seen free and occupied, ascending.
+    pub(crate) fn cells(&self) -> impl Iterator<Item = usize> + '_ {
+        self.cells.iter().map(|&at| at.into())
+    }
+
+    /// Their means.
+    pub(crate) fn means(&self) -> impl Iterator<Item = f32> + '_ {
+        self.mean.iter().copied()
+    }
+
+    /// f(t) in [0, 1] of these cells.
+    pub(crate) fn periodic(&self, moment: &Moment, out: &mut Vec<f32>) {
         out.clear();
         if let Some((bin, num_bins)) = moment.bin {
             out.extend(self.bins.iter().skip(bin).step_by(num_bins));

@@ -14,6 +14,7 @@
 //! | [`temporal`] | what will the world look like at time t? |
 //! | [`exchange`] | how are maps read that others wrote, and written so that others read them? |
 //! | [`mod@file`] | how is a grid kept in a file, whatever happens to the machine? |
+//! | [`picture`] | what does a grid look like? |
 //! | [`random`] | which number comes next, the same on every run and in every thread? |
 //! | [`pose`] | where does the robot stand in the plane, and where does it look? |
 //! | [`scan`] | what does a planar laser say about cells? |
@@ -46,6 +47,7 @@ pub mod file;
 pub mod history;
 pub mod localize;
 pub mod model;
+pub mod picture;
 pub mod pose;
 pub mod random;
 pub mod registration;

@@ -14,6 +14,7 @@
 //! | [`temporal`] | what will the world look like at time t? |
 //! | [`exchange`] | how are maps read that others wrote, and written so that others read them? |
 //! | [`mod@file`] | how is a grid kept in a file, whatever happens to the machine? |
+//! | [`compress`] | in how few bytes can a grid be kept? |
 //! | [`picture`] | what does a grid look like? |
 //! | [`random`] | which number comes next, the same on every run and in every thread? |
 //! | [`pose`] | where does the robot stand in the plane, and where does it look? |
@@ -41,6 +42,7 @@
 //!   mapping in changing environments using the frequency map enhancement. IROS 2016.
 
 pub mod cells;
+pub mod compress;
 pub mod exchange;
 pub mod experiment;
 pub mod file;

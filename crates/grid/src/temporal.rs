@@ -483,6 +483,20 @@ impl FittedGrid<'_> {
         Some((candidates.period_s(term.k.into()), amplitude))
     }
 
+    /// How it predicts.
+    pub fn config(&self) -> &GridConfig {
+        &self.grid.config
+    }
+
+    /// What was observed.
+    pub fn history(&self) -> &History {
+        &self.grid.history
+    }
+
+    pub(crate) fn tile_model(&self, slot: usize) -> Option<&TileModel> {
+        self.grid.models.get(slot)?.as_deref()
+    }
+
     /// How well the periodic part of predictions gives back every `stride`-th observation of each
     /// tile.
     pub fn errors(&self, stride: usize) -> Errors {

@@ -122,7 +122,7 @@ impl MapArgs {
     fn observe(&self, history: &mut History, maps: &[(IndexEntry, MapServerMap)]) -> Result<()> {
         let thresholds = Thresholds::new(self.free, self.occupied)?;
         for (entry, map) in maps {
-            let observe = || -> fremen::Result<()> {
+            let mut observe = || -> fremen::Result<()> {
                 let patch = patch_of(history.spec(), map, thresholds)?;
                 history
                     .observe_as(&entry.observer, &patch, entry.time)

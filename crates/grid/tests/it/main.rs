@@ -6,6 +6,7 @@
 )]
 
 mod cells;
+mod compress;
 mod exchange;
 mod file;
 mod history;

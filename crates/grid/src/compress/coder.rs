@@ -59,11 +59,11 @@ pub(super) trait Coder {
         let mut found = 1_u32;
         for at in 1..len {
             let bit = value >> (len - 1 - at) & 1 == 1;
-            let even = &mut Bit::EVEN;
+            let mut even = Bit::EVEN;
             let model = if at < 4 {
                 &mut models.first[len as usize * 8 + (found as usize & 7)]
             } else {
-                even
+                &mut even
             };
             found = found << 1 | u32::from(self.code(bit, model));
         }
@@ -113,7 +113,7 @@ impl Encoder {
 
 /// Where between two ends a bit of this probability parts them.
 fn middle(low: u32, high: u32, model: Bit) -> u32 {
-    low + (u64::from(high - low) * u64::from(model.p) >> 16) as u32
+    low + ((u64::from(high - low) * u64::from(model.p)) >> 16) as u32
 }
 
 impl Coder for Encoder {

@@ -98,7 +98,7 @@ impl LossyGrid {
                 .model
                 .as_deref()
                 .map_or_else(Vec::new, TileModel::records);
-            models.code(&mut encoder, self, tile.key, &tile.states, &records);
+            models.code(&mut encoder, self, &tile.states, &records);
         }
         let mut bytes = MAGIC.to_vec();
         bytes.extend(encoder.finish());
@@ -117,7 +117,7 @@ impl LossyGrid {
         let (mut grid, keys) = Self::parse(&header).ok_or_else(broken)?;
         let mut models = Models::new();
         for key in keys {
-            let (states, records) = models.code(&mut decoder, &grid, key, &[], &[]);
+            let (states, records) = models.code(&mut decoder, &grid, &[], &[]);
             let inside = records
                 .iter()
                 .all(|it| it.terms.iter().all(|term| usize::from(term.k) < grid.count));
@@ -145,10 +145,14 @@ impl LossyGrid {
         )
         .replace(['[', ']', ','], " ");
         let mut last = 0;
-        for tile in &self.tiles {
-            text.push_str(&format!(" {}", tile.key - last));
+        let steps = self.tiles.iter().map(|tile| {
+            let step = tile.key - last;
             last = tile.key;
-        }
+            step.to_string()
+        });
+        let steps: Vec<String> = steps.collect();
+        text.push(' ');
+        text.push_str(&steps.join(" "));
         text.into_bytes()
     }
 
@@ -294,7 +298,6 @@ impl Models {
         &mut self,
         coder: &mut impl Coder,
         grid: &LossyGrid,
-        _key: u32,
         states: &[CellState],
         records: &[CellRecord],
     ) -> (Vec<CellState>, Vec<CellRecord>) {

@@ -48,6 +48,7 @@ fn sources() -> impl Iterator<Item = (String, String)> {
         "crates/cli/src",
         "crates/explore/src",
         "crates/fremen/src",
+        "crates/grid/src",
         "crates/store/src",
         "eval/src",
     ];

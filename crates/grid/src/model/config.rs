@@ -1,0 +1,121 @@
+//! By which model is a cell's occupancy predicted?
+
+use fremen::{CandidatePeriods, Error, ErrorKind, Period, Result};
+
+/// No model has more rhythms than this.
+pub const MAX_ORDER: usize = 16;
+
+/// The periodic part f(t) of a prediction.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum CellModel {
+    /// The mean and the strongest few of the candidate rhythms (T-RO 2017 eq. 10 with its factor
+    /// 2; IROS 2016 eq. 3).
+    Fremen {
+        /// The periods that are looked for.
+        candidates: CandidatePeriods,
+        /// How many rhythms each cell keeps.
+        order: usize,
+    },
+    /// The mean for each part of a period, such as each hour of a day; the overall mean where a
+    /// part was never observed.
+    Histogram {
+        /// What is divided.
+        period: Period,
+        /// Into how many parts.
+        num_bins: usize,
+    },
+    /// The mean of all observations: an averaged map.
+    Mean,
+    /// The state that was observed last, however long ago: an ordinary map.
+    LastObservation,
+}
+
+/// How a grid predicts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GridConfig {
+    model: CellModel,
+    persists: bool,
+    guards: bool,
+}
+
+impl Default for GridConfig {
+    /// IROS 2016: the two strongest of a day and its fractions down to an hour, persistence on
+    /// top, and no period that the history is too short or too coarse for.
+    fn default() -> Self {
+        let candidates = CandidatePeriods::harmonic(Period::DAY, 24);
+        // 24 harmonics of a day are always valid; anything else would be a mean.
+        let model = candidates.map_or(CellModel::Mean, |candidates| CellModel::Fremen {
+            candidates,
+            order: 2,
+        });
+        Self {
+            model,
+            persists: true,
+            guards: true,
+        }
+    }
+}
+
+impl GridConfig {
+    /// A configuration with persistence and guards.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Config`] for an order above [`MAX_ORDER`] and a histogram without bins or with
+    /// more than 10,000.
+    pub fn new(model: CellModel) -> Result<Self> {
+        match model {
+            CellModel::Fremen { order, .. } if order > MAX_ORDER => Err(Error::new(
+                ErrorKind::Config,
+                format!("order {order} is above {MAX_ORDER}"),
+            )),
+            CellModel::Histogram { num_bins, .. } if num_bins == 0 || num_bins > 10_000 => Err(
+                Error::new(ErrorKind::Config, format!("a histogram of {num_bins} bins"))
+                    .with_help("use 1 to 10000, for instance 24 for the hours of a day"),
+            ),
+            model => Ok(Self {
+                model,
+                ..Self::default()
+            }),
+        }
+    }
+
+    /// FreMEn with the `order` strongest of `candidates`.
+    ///
+    /// # Errors
+    /// As for [`Self::new`].
+    pub fn fremen(candidates: CandidatePeriods, order: usize) -> Result<Self> {
+        Self::new(CellModel::Fremen { candidates, order })
+    }
+
+    /// Whether the last observation counts more the less time has passed since
+    /// (IROS 2016 eq. 2).
+    #[must_use]
+    pub fn with_persistence(mut self, persists: bool) -> Self {
+        self.persists = persists;
+        self
+    }
+
+    /// Whether periods T are left out of which the tile's observations span less than 1.5 T, or
+    /// come less often than twice in T.
+    #[must_use]
+    pub fn with_guards(mut self, guards: bool) -> Self {
+        self.guards = guards;
+        self
+    }
+
+    /// The periodic part.
+    pub const fn model(&self) -> &CellModel {
+        &self.model
+    }
+
+    /// Whether the last observation is taken into account.
+    pub const fn persists(&self) -> bool {
+        self.persists
+    }
+
+    /// Whether unsupported periods are left out.
+    pub const fn guards(&self) -> bool {
+        self.guards
+    }
+}

@@ -1,0 +1,26 @@
+//! Which rhythm and which persistence has each cell?
+//!
+//! Derived from the [history](crate::history) whenever it is needed: the candidate periods and the
+//! order can be chosen anew at any time.
+//!
+//! # The exact run-length form
+//!
+//! Cells that share their observation times share the prefix sums
+//! `W_k(n) = sum over i < n of e^{-j w_k t_i}`. A cell whose state is 1 in the runs
+//! `[a_1, b_1), [a_2, b_2), ...` has `S_k = sum over runs of W_k(b) - W_k(a)`, and
+//! `g_k = (S_k - mu W_k) / m`: the same spectrum as from all observations, for the price of the
+//! changes. Sums are whole numbers (multiples of 2^-40), so that neither order nor threads show.
+
+mod columns;
+mod config;
+mod errors;
+mod fit;
+mod stats;
+mod tile_model;
+
+pub use config::{CellModel, GridConfig, MAX_ORDER};
+pub use errors::Errors;
+pub(crate) use errors::errors;
+pub(crate) use fit::fit;
+pub(crate) use stats::Stats;
+pub(crate) use tile_model::{Moment, TileModel};

@@ -1,0 +1,179 @@
+//! Maps of `map_server` come back cell by cell, and what is none is refused.
+
+use std::fs;
+use std::path::Path;
+
+use fremen_grid::exchange::{MapMode, MapServerMap};
+use fremen_grid::{ErrorKind, GridSpec, OccupancyMap};
+use proptest::prelude::*;
+
+const MODES: [MapMode; 3] = [MapMode::Trinary, MapMode::Scale, MapMode::Raw];
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a folder")
+}
+
+fn describe(image: &str, mode: &str, free: f64, occupied: f64) -> String {
+    format!(
+        "image: {image}\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\nmode: {mode}\n\
+         occupied_thresh: {occupied}\nfree_thresh: {free}\n"
+    )
+}
+
+fn values(folder: &Path, yaml: &str) -> Vec<i8> {
+    let path = folder.join("m.yaml");
+    fs::write(&path, yaml).unwrap();
+    MapServerMap::read(&path).unwrap().values().to_vec()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn every_value_comes_back(
+        (w, h, values) in (1_u32..30, 1_u32..30).prop_flat_map(|(w, h)| {
+            (Just(w), Just(h), prop::collection::vec(-1_i8..=100, (w * h) as usize))
+        }),
+        origin in prop::array::uniform2(-1e3..1e3_f64),
+        resolution in 0.01..1.0_f64,
+    ) {
+        let folder = folder();
+        let spec = GridSpec::new_2d(origin, resolution, [w, h]).unwrap();
+        for mode in MODES {
+            let path = folder.path().join(format!("{}.yaml", mode.name()));
+            let written = match mode {
+                // Nothing between free and occupied.
+                MapMode::Trinary => values.iter().map(|it| [-1, 0, 100][(it + 1) as usize % 3]).collect(),
+                _ => values.clone(),
+            };
+            let map = MapServerMap::new(spec, written).unwrap();
+            map.write(&path, mode).unwrap();
+            let read = MapServerMap::read(&path).unwrap();
+            prop_assert_eq!(&read, &map);
+            prop_assert_eq!(MapServerMap::from_map(&read.to_map()).unwrap(), map);
+        }
+    }
+}
+
+/// What `nav2_map_server` gives for these shades, by its source's rules.
+#[test]
+fn shades_mean_what_map_server_says() {
+    let folder = folder();
+    let shades = [0, 1, 89, 90, 100, 101, 204, 205, 206, 254, 255];
+    let mut pgm = b"P5 # shades\n11 1\n255\n".to_vec();
+    pgm.extend(shades);
+    fs::write(folder.path().join("m.pgm"), pgm).unwrap();
+    let read =
+        |mode, free, occupied| values(folder.path(), &describe("m.pgm", mode, free, occupied));
+    assert_eq!(
+        read("trinary", 0.196, 0.65),
+        [100, 100, 100, -1, -1, -1, -1, -1, 0, 0, 0]
+    );
+    // The usual threshold takes the unknown 205 for free.
+    assert_eq!(
+        read("trinary", 0.25, 0.65),
+        [100, 100, 100, -1, -1, -1, 0, 0, 0, 0, 0]
+    );
+    assert_eq!(
+        read("scale", 0.196, 0.65),
+        [100, 100, 100, 99, 91, 90, 1, 0, 0, 0, 0]
+    );
+    assert_eq!(
+        read("raw", 0.196, 0.65),
+        [0, 1, 89, 90, 100, -1, -1, -1, -1, -1, -1]
+    );
+    let negated = describe("m.pgm", "trinary", 0.196, 0.65).replace("negate: 0", "negate: 1");
+    assert_eq!(
+        values(folder.path(), &negated),
+        [0, 0, -1, -1, -1, -1, 100, 100, 100, 100, 100]
+    );
+}
+
+#[test]
+fn the_first_row_of_a_picture_is_the_highest() {
+    let folder = folder();
+    fs::write(
+        folder.path().join("m.pgm"),
+        "P2\n2 3\n255\n0 254\n254 254\n205 254\n",
+    )
+    .unwrap();
+    let found = values(folder.path(), &describe("m.pgm", "trinary", 0.196, 0.65));
+    assert_eq!(found, [-1, 0, 0, 0, 100, 0]);
+}
+
+#[test]
+fn a_picture_that_is_none_is_refused_with_its_name() {
+    let folder = folder();
+    let yaml = folder.path().join("m.yaml");
+    let png = |color, bytes: &[u8]| {
+        use image::ImageEncoder;
+        let mut out = Vec::new();
+        let encoder = image::codecs::png::PngEncoder::new(&mut out);
+        encoder.write_image(bytes, 2, 1, color).unwrap();
+        out
+    };
+    let grey_in_colours = png(image::ExtendedColorType::Rgb8, &[9, 9, 9, 254, 254, 254]);
+    let coloured = png(image::ExtendedColorType::Rgb8, &[9, 9, 9, 254, 0, 254]);
+    let deep = png(image::ExtendedColorType::L16, &[0, 9, 200, 9]);
+    let mut cut = grey_in_colours.clone();
+    cut.truncate(50);
+    for (bytes, expected) in [
+        (
+            &b"P5\n2 2\n255\nabc"[..],
+            "the file ends after 3 of 2 x 2 pixels",
+        ),
+        (b"P5\n2 2\n65535\nabcdabcd", "16 bits a pixel"),
+        (b"P5\n2", "the file ends before the height"),
+        (b"P5\n0 2\n255\n", "a picture of 0 x 2 pixels"),
+        (
+            b"P5\n99999999 99999999\n255\n",
+            "a picture of 99999999 x 99999999",
+        ),
+        (b"P5\n1 1\n7\n\x09", "a pixel of 9 where 7 is the largest"),
+        (b"P2\n2 1\n255\n3", "the file ends before all pixels"),
+        (b"P6\n1 1\n255\nabc", "the picture is coloured"),
+        (b"GIF89a", "neither a PGM nor a PNG"),
+        (b"", "neither a PGM nor a PNG"),
+        (&coloured, "the picture is coloured"),
+        (&deep, "16 bits a pixel"),
+        (&cut, "cannot be decoded"),
+    ] {
+        fs::write(folder.path().join("m.pic"), bytes).unwrap();
+        fs::write(&yaml, describe("m.pic", "trinary", 0.196, 0.65)).unwrap();
+        let error = MapServerMap::read(&yaml).expect_err(expected);
+        assert_eq!(error.kind(), ErrorKind::Format, "{error}");
+        let text = error.to_string();
+        assert!(
+            text.contains(expected) && text.contains("m.pic"),
+            "{text} for {expected}"
+        );
+    }
+    fs::write(folder.path().join("m.pic"), grey_in_colours).unwrap();
+    let read = MapServerMap::read(&yaml).unwrap();
+    assert_eq!(read.values(), [100, 0]);
+    fs::remove_file(folder.path().join("m.pic")).unwrap();
+    assert_eq!(
+        MapServerMap::read(&yaml).unwrap_err().kind(),
+        ErrorKind::NotFound
+    );
+}
+
+#[test]
+fn a_map_never_replaces_what_is_no_map() {
+    let folder = folder();
+    let spec = GridSpec::new_2d([0.0; 2], 0.1, [2, 1]).unwrap();
+    let map = MapServerMap::from_map(&OccupancyMap::new_unknown(spec)).unwrap();
+    let path = folder.path().join("m.yaml");
+    map.write(&path, MapMode::Trinary).unwrap();
+    map.write(&path, MapMode::Trinary).unwrap();
+    fs::write(folder.path().join("m.pgm"), "notes").unwrap();
+    let error = map.write(&path, MapMode::Raw).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::AlreadyExists, "{error}");
+    assert!(
+        map.write(folder.path().join("m.pgm"), MapMode::Raw)
+            .is_err()
+    );
+    let solid = GridSpec::new_3d([0.0; 3], 0.1, [2, 1, 1]).unwrap();
+    assert!(MapServerMap::from_map(&OccupancyMap::new_unknown(solid)).is_err());
+    assert!(MapServerMap::new(spec, vec![0, 101]).is_err());
+}

@@ -1,8 +1,12 @@
 # Sourced by demo.sh and test.sh: installs Debian and Ubuntu packages, and says so.
 
-# The words of the arguments in bold on a terminal.
+# The words of the arguments, in bold on a terminal, and the seconds since the script began.
 say() {
-    if [ -t 1 ]; then printf '\n\033[1m== %s\033[0m\n' "$*"; else printf '\n== %s\n' "$*"; fi
+    if [ -t 1 ]; then
+        printf '\n\033[1m== %s\033[0m (%s s)\n' "$*" "$SECONDS"
+    else
+        printf '\n== %s (%s s)\n' "$*" "$SECONDS"
+    fi
 }
 
 fail() {

@@ -130,6 +130,8 @@ pub mod robot;
 pub mod simd;
 #[cfg(feature = "trace")]
 pub mod trace;
+#[cfg(feature = "dataset")]
+pub mod training;
 
 pub use fremen::{Error, ErrorKind, Period, Result, Time};
 pub use fremen::{error, spectrum, time, visibility};

@@ -22,6 +22,7 @@ mod lookup;
 mod make_index;
 mod manifest;
 mod paths;
+mod pictures;
 mod table;
 mod types;
 
@@ -35,4 +36,5 @@ pub use file_image::FileImage;
 pub use lookup::{FileIdentity, Lookup};
 pub use make_index::{IndexOptions, IndexSource, MadeIndex};
 pub use manifest::{Checksums, Layout, Manifest, Mask, NcltPlace, Quantum, Side, Split, TimeRule};
+pub use pictures::{FoundPicture, PictureFinder, PictureTime, TimeSource};
 pub use types::{Clock, Dataset, Entry, ImageSource, Problem, ReadOptions};

@@ -40,6 +40,23 @@ pub fn have_in_common(cfg: &LearnConfig, a: &Snapshot, b: &Snapshot) -> bool {
     })
 }
 
+/// The position of a map that has nothing in common with the first one, also not by way of others:
+/// of other places, or a mistake.
+///
+/// O(maps²) comparisons.
+pub fn stranger_among(cfg: &LearnConfig, maps: &[&Snapshot]) -> Option<usize> {
+    let (mut related, mut strangers) = (vec![0], (1..maps.len()).collect::<Vec<_>>());
+    let mut next = 0;
+    while let Some(&known) = related.get(next) {
+        let (found, left): (Vec<usize>, Vec<usize>) =
+            (strangers.iter()).partition(|&&at| have_in_common(cfg, maps[known], maps[at]));
+        related.extend(found);
+        strangers = left;
+        next += 1;
+    }
+    strangers.first().copied()
+}
+
 fn visits_in(map: &Snapshot) -> impl Iterator<Item = VisitId> + '_ {
     (map.nodes.iter()).flat_map(|node| node.visits.iter().map(|visit| visit.id))
 }

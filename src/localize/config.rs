@@ -298,7 +298,7 @@ impl LocalizerConfig {
                 method: Method::Fremen,
                 score: Score::Likelihood,
                 selection: Selection::at_least_one(50),
-                many_visits: 6,
+                many_visits: 10,
                 choice: Choice::Covering,
                 calibrated: true,
                 without: Vec::new(),
@@ -364,9 +364,9 @@ impl LocalizerConfig {
         self
     }
 
-    /// A place of fewer visits than this is predicted by more than n features, as long as nothing
-    /// is known of which of them last: by `n * many_visits / visits` (rounded up), at most 300. With
-    /// 1, by n.
+    /// A place of fewer visits than this is predicted by more than n features, as long as little is
+    /// known of which of them last: by `n * (many_visits / visits)^2` (rounded up), at most 300.
+    /// With 1, by n.
     #[must_use]
     pub fn with_many_visits(mut self, many_visits: u32) -> Self {
         self.0.many_visits = many_visits;
@@ -470,7 +470,9 @@ impl LocalizerConfig {
         if num_visits >= many {
             return n;
         }
-        let grown = n.saturating_mul(many).div_ceil(num_visits.max(1));
+        let num_visits = num_visits.max(1);
+        let grown = n.saturating_mul(many.saturating_mul(many));
+        let grown = grown.div_ceil(num_visits * num_visits);
         grown.min(MAX_FOR_FEW_VISITS).max(n)
     }
 

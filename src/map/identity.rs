@@ -12,6 +12,7 @@ use sha2::{Digest, Sha256};
 use super::codec::{encode_descriptors, encode_keypoints};
 use super::types::{PlaceKey, SessionId, VisitId};
 use crate::feature::Features;
+use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
 
 /// The SHA-256 of `features`: their keypoints (four little-endian 32-bit floats each), then their
@@ -27,6 +28,27 @@ pub fn features_digest(features: &Features) -> [u8; 32] {
 }
 
 impl VisitId {
+    /// The one of the visits that are held, `ids`, that is written with `text` at its beginning.
+    ///
+    /// # Errors
+    ///
+    /// [`ErrorKind::NotFound`] if there is none, [`ErrorKind::Config`] if there are several.
+    pub fn find(ids: &[Self], text: &str) -> Result<Self> {
+        let text = text.to_lowercase();
+        let mut found = (ids.iter()).filter(|id| id.to_string().starts_with(&text));
+        match (found.next(), found.next()) {
+            (Some(id), None) => Ok(*id),
+            (Some(_), Some(_)) => Err(Error::new(
+                ErrorKind::Config,
+                format!("several visits begin with `{text}`"),
+            )),
+            (None, _) => Err(Error::new(
+                ErrorKind::NotFound,
+                format!("no visit that is held begins with `{text}`"),
+            )),
+        }
+    }
+
     /// The identity of the visit of `key` at `time` that saw features of this digest
     /// ([`features_digest`]). An image is the same whichever run brings it, so `session` is the
     /// default one, but for visits that were learnt before this rule.

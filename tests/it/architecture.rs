@@ -17,7 +17,7 @@ use crate::source_text::{
 };
 
 /// The rooms with their numbers: a room may name rooms with a smaller number only.
-const ROOMS: [(&str, u32); 11] = [
+const ROOMS: [(&str, u32); 12] = [
     // The crate of time, which names nothing of this one.
     ("fremen", 0),
     ("simd", 1),
@@ -30,6 +30,7 @@ const ROOMS: [(&str, u32); 11] = [
     ("learn", 7),
     ("robot", 8),
     ("dataset", 8),
+    ("training", 9),
 ];
 
 /// What `feature` and `matching` may take from the crate of time: its errors, and how files are

@@ -47,6 +47,7 @@ fn sources() -> impl Iterator<Item = (String, String)> {
         "src",
         "crates/cli/src",
         "crates/fremen/src",
+        "crates/grid/src",
         "crates/store/src",
         "eval/src",
     ];

@@ -10,7 +10,6 @@
 mod answer;
 mod failure;
 mod features;
-mod files;
 mod hints;
 mod image;
 mod learn_folder;

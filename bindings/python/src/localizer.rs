@@ -3,12 +3,13 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use chronotope::dataset::{ImageSource, scale_between};
+use chronotope::dataset::{FoundPicture, ImageSource, PictureFinder, ReadOptions, scale_between};
 use chronotope::feature::{
     Extractor, ExtractorConfig, Features, GrayImage, GrayView, LoadOptions, load_gray,
 };
 use chronotope::localize::{IndexCache, Localization, Localizer, Query, Scratch};
 use chronotope::map::{MapMeta, PlaceKey};
+use chronotope::time::Zone;
 use chronotope::{Error, ErrorKind, Time};
 use pyo3::prelude::*;
 use pyo3::types::PyList;
@@ -17,7 +18,6 @@ use rayon::prelude::*;
 use crate::answer::{PyLocalization, Queried, Shown, Told, several_pictures};
 use crate::failure::{Failure, Result, detached, detached_with, interruptible};
 use crate::features::PyFeatures;
-use crate::files::{Files, Listed};
 use crate::hints::{
     Answers, ConfigLike, ImageLike, ImagesLike, Json, MapLike, MaskLike, PathLike, PixelsLike,
     ProgressLike, TimeLike, TimesLike,
@@ -45,16 +45,24 @@ const IMAGES_PER_THREAD: usize = 4;
 /// map as it was then: make another one after ``Map.refresh``. Threads may share it, and work at the
 /// same time.
 ///
+/// Of paths, ``zone`` ("Europe/Prague") is that of EXIF times without an offset, and ``manifest`` the
+/// name of a supported dataset, a manifest or a folder, whose index and rule for file names count
+/// before an index.csv above the file.
+///
 /// Errors: those of ``Map.open``; ``ConfigError`` for values out of range and for an extractor that this
 /// version does not know.
 #[pyclass(frozen, module = "chronotope", name = "Localizer")]
 pub(crate) struct PyLocalizer {
     pub(crate) localizer: Arc<Localizer>,
     extractor: Box<dyn Extractor>,
-    files: Files,
+    finder: PictureFinder,
     /// One for each thread that is at work.
     scratches: Mutex<Vec<Scratch>>,
 }
+
+/// What helps where nobody says when a picture was taken.
+const TIME_HELP: &str = "give time=..., zone=... for an EXIF time without an offset, or use \
+                         method=\"static\"";
 
 /// What a caller gave as an image.
 pub(crate) enum Given<'py> {
@@ -63,7 +71,7 @@ pub(crate) enum Given<'py> {
         object: Bound<'py, PyAny>,
     },
     Features(Arc<Features>, Option<(u32, u32)>),
-    File(Listed),
+    File(FoundPicture),
 }
 
 /// The same without the interpreter's lock.
@@ -89,7 +97,7 @@ struct Done {
 }
 
 impl PyLocalizer {
-    pub(crate) fn of(localizer: Localizer, path: Option<PathBuf>) -> Result<Self> {
+    fn of(localizer: Localizer, path: Option<PathBuf>, finder: PictureFinder) -> Result<Self> {
         let extractor = ExtractorConfig::from_id(&localizer.snapshot().meta.extractor)
             .and_then(|extractor| extractor.build())
             .map_err(|error| match path {
@@ -99,7 +107,7 @@ impl PyLocalizer {
         Ok(Self {
             localizer: Arc::new(localizer),
             extractor,
-            files: Files::default(),
+            finder,
             scratches: Mutex::default(),
         })
     }
@@ -117,15 +125,22 @@ impl PyLocalizer {
         is_bgr: bool,
     ) -> Result<Vec<Job<'py>>> {
         if let Ok(path) = image.extract::<PathBuf>() {
-            let listed = self.files.list(&path, time, self.needs_time());
-            let listed = listed.map_err(|error| error.with_path(&path))?;
-            let jobs = listed.into_iter().map(|listed| Job {
-                time: listed.time,
-                name: listed.name.clone(),
-                truth: listed.truth.clone(),
-                given: Given::File(listed),
+            let found = (self.finder.find(&path)).map_err(|error| error.with_path(&path))?;
+            let jobs = found.into_iter().map(|found| {
+                let taken = (self.finder)
+                    .time_of(&found, time, self.needs_time())
+                    .map_err(|error| error.with_path(&path))?;
+                for warning in taken.warnings {
+                    tracing::warn!("{warning}");
+                }
+                Ok(Job {
+                    time: taken.time.map(|(time, source)| (time, source.word())),
+                    name: found.name.clone(),
+                    truth: found.truth.clone(),
+                    given: Given::File(found),
+                })
             });
-            return Ok(jobs.collect());
+            return jobs.collect();
         }
         let given = match image.cast::<PyFeatures>() {
             Ok(features) => {
@@ -296,6 +311,20 @@ fn adjusted(
     }
 }
 
+/// How files are read: times without an offset in `zone`, and those of the dataset `manifest` as it
+/// says.
+fn finder(zone: Option<&str>, manifest: Option<&str>) -> Result<PictureFinder> {
+    let options = ReadOptions {
+        zone: zone.map(Zone::new).transpose()?,
+        ..ReadOptions::default()
+    };
+    let finder = PictureFinder::new(options).with_time_help(TIME_HELP);
+    Ok(match manifest {
+        Some(manifest) => finder.with_manifest(manifest)?,
+        None => finder,
+    })
+}
+
 /// What neither mask hides.
 fn both(
     own: Option<GrayImage>,
@@ -323,7 +352,7 @@ fn both(
 impl PyLocalizer {
     #[new]
     #[pyo3(signature = (map, *, method=None, score=None, n=None, risk=None, config=None,
-                        index_cache="auto"))]
+                        index_cache="auto", zone=None, manifest=None))]
     #[allow(clippy::too_many_arguments)] // reason: keyword arguments of Python.
     fn new(
         py: Python<'_>,
@@ -334,7 +363,10 @@ impl PyLocalizer {
         risk: Option<f64>,
         config: Option<ConfigLike<'_>>,
         index_cache: &str,
+        zone: Option<&str>,
+        manifest: Option<&str>,
     ) -> Result<Self> {
+        let finder = finder(zone, manifest)?;
         let wanted = Wanted {
             method,
             score,
@@ -351,7 +383,7 @@ impl PyLocalizer {
             let cfg = without_clock(&wanted, &cfg, &snapshot).unwrap_or(cfg);
             let localizer = interruptible(py, move || Localizer::new(snapshot, cfg))
                 .map_err(|failure| with_path(failure, &path))?;
-            return Self::of(localizer, Some(path));
+            return Self::of(localizer, Some(path), finder);
         }
         let path: PathBuf = map.0.extract()?;
         let cfg = wanted.over(&MapMeta::read(&path)?)?;
@@ -364,7 +396,7 @@ impl PyLocalizer {
         if let Some(cfg) = without_clock(&wanted, &localizer.cfg().clone(), &snapshot) {
             localizer = open(cfg)?;
         }
-        Self::of(localizer, Some(path))
+        Self::of(localizer, Some(path), finder)
     }
 
     /// Says where an image was taken.

@@ -3,29 +3,30 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use chronotope::dataset::ReadOptions;
 use chronotope::feature::{ExtractorConfig, StarBriefConfig};
 use chronotope::learn::{KeepAppearances, LearnConfig};
 use chronotope::localize::{Localizer, LocalizerConfig, Method, Preset};
 use chronotope::map::{Map, MapMeta, Node, NodeId, Snapshot, derived_uuid, random_uuid};
 use chronotope::predict::Selection;
 use chronotope::time::Zone;
+use chronotope::training::{Training, TrainingConfig, TrainingReport};
 use chronotope::{Error, ErrorKind, Time};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use serde_json::Value;
 
-use crate::failure::{Failure, Result, detached, detached_with, interruptible, of_kind};
+use crate::failure::{Failure, Result, detached, interruptible, of_kind};
 use crate::features::{PyFeatures, xy_of};
 use crate::hints::{
     ConfigLike, Descriptors, Ids, Json, MapLike, MaybeMoment, Moment, Numbers, PathLike, Points,
     ProgressLike, Stamps, Ternary, TimeLike, Triples,
 };
-use crate::learn_folder::{Folder, Report};
+use crate::learn_folder;
 use crate::map_changes::{self, Correction, known_or_written};
 use crate::map_json::{self, Predicted};
-use crate::progress::Progress;
 use crate::python::{column, json_line, loads, maybe_moment, moment, overlaid, path_of, table};
-use crate::settings::{pool_of, preset_of};
+use crate::settings::{checked_threads, preset_of};
 
 /// A map file: places, what was seen at each visit, and every commit that made it.
 ///
@@ -42,7 +43,7 @@ pub(crate) struct PyMap {
     /// same one would lose one of them.
     changing: Mutex<()>,
     /// What it was built of.
-    learnt: Option<Report>,
+    learnt: Option<TrainingReport>,
 }
 
 impl PyMap {
@@ -226,16 +227,19 @@ impl PyMap {
         let (data, path) = (path_of(&data)?, path_of(&path)?);
         let preset: Preset = preset.parse()?;
         let cfg = learn_config(preset, config.as_ref(), keep_appearances)?;
-        let zone = zone.map(Zone::new).transpose()?;
-        let pool = pool_of(threads)?;
-        map_changes::refuse_existing(&path)?;
-        let folder = detached(py, || {
-            Folder::to_build(&data, &path, preset, cfg, zone.as_ref())
+        let reading = ReadOptions {
+            zone: zone.map(Zone::new).transpose()?,
+            ..ReadOptions::default()
+        };
+        let cfg = TrainingConfig::new(preset, cfg)
+            .with_reading(reading)
+            .with_num_threads(checked_threads(threads)?);
+        let mut training = detached(py, || Training::to_build(&data, &path, &cfg))?;
+        let report = learn_folder::run(py, &mut training, progress.as_ref())?;
+        let map = detached(py, || {
+            drop(training);
+            Map::open(&path)
         })?;
-        let mut bar = Progress::new(py, progress.as_ref(), folder.num_images(), "learning")?;
-        let (map, report) = detached_with(py, || folder.learn(&pool, &mut bar))?;
-        bar.close()?;
-        report.log();
         Ok(Self {
             learnt: Some(report),
             ..Self::of(map)
@@ -258,22 +262,14 @@ impl PyMap {
     ) -> Result<PyReport> {
         let map = self.open()?;
         let data = path_of(&data)?;
-        if map.is_read_only() {
-            return Err(Error::new(ErrorKind::Io, "this map may not be written")
-                .with_path(&self.path)
-                .with_help("change the rights or copy it")
-                .into());
-        }
         let preset = preset_of(&map.snapshot().meta);
         let cfg = learn_config(preset, config.as_ref(), keep_appearances)?;
-        let pool = pool_of(threads)?;
-        let path = self.path.clone();
-        let folder = detached(py, || Folder::to_update(&data, &path, cfg))?;
-        let mut bar = Progress::new(py, progress.as_ref(), folder.num_images(), "learning")?;
-        let (_, report) = detached_with(py, || folder.learn(&pool, &mut bar))?;
-        bar.close()?;
+        let cfg = TrainingConfig::new(preset, cfg).with_num_threads(checked_threads(threads)?);
+        let mut training = detached(py, || {
+            Map::open(&self.path).and_then(|map| Training::to_update(map, &data, &cfg))
+        })?;
+        let report = learn_folder::run(py, &mut training, progress.as_ref())?;
         detached(py, || map.refresh())?;
-        report.log();
         Ok(PyReport { report })
     }
 
@@ -572,10 +568,10 @@ impl PyMap {
     #[staticmethod]
     fn import_folder(py: Python<'_>, folder: PathLike<'_>, path: PathLike<'_>) -> Result<Self> {
         let (folder, path) = (path_of(&folder)?, path_of(&path)?);
-        map_changes::refuse_existing(&path)?;
+        Map::refuse_existing(&path)?;
         let map = detached(py, || {
             let snapshot = Snapshot::import(&folder)?;
-            Map::create_from(&path, &snapshot).map_err(map_changes::never_overwritten)
+            Map::create_from(&path, &snapshot)
         })?;
         Ok(Self::of(map))
     }
@@ -875,7 +871,7 @@ impl PyPredictedMap {
 /// What was learnt of a folder, and what was left out.
 #[pyclass(frozen, module = "chronotope", name = "LearnReport")]
 pub(crate) struct PyReport {
-    report: Report,
+    report: TrainingReport,
 }
 
 #[pymethods]
@@ -907,7 +903,9 @@ impl PyReport {
     /// What was left out, and why.
     #[getter]
     fn problems(&self) -> Vec<String> {
-        self.report.problems.clone()
+        (self.report.problems.iter())
+            .map(ToString::to_string)
+            .collect()
     }
 
     fn __repr__(&self) -> String {

@@ -29,7 +29,7 @@ pub(crate) fn merge(
     is_disjoint: bool,
     relearn: Option<LearnConfig>,
 ) -> Result<Map> {
-    refuse_existing(out)?;
+    Map::refuse_existing(out)?;
     let snapshots: Vec<&Snapshot> = maps.iter().map(|(_, map)| &**map).collect();
     if !is_disjoint {
         refuse_strangers(maps, &snapshots)?;
@@ -38,19 +38,7 @@ pub(crate) fn merge(
     if let Some(cfg) = relearn {
         merged = learn::relearn(cfg, &merged)?;
     }
-    Map::create_from(out, &merged).map_err(never_overwritten)
-}
-
-pub(crate) fn refuse_existing(map: &Path) -> Result<()> {
-    if std::fs::symlink_metadata(map).is_err() {
-        return Ok(());
-    }
-    let error = Error::new(ErrorKind::AlreadyExists, "this file exists already");
-    Err(never_overwritten(error.with_path(map)))
-}
-
-pub(crate) fn never_overwritten(error: Error) -> Error {
-    error.with_help("a map is never overwritten: choose another name or remove it")
+    Map::create_from(out, &merged)
 }
 
 /// Maps that have nothing in common, along any chain, are of different places or a mistake.
@@ -58,17 +46,7 @@ fn refuse_strangers(
     maps: &[(std::path::PathBuf, Arc<Snapshot>)],
     snapshots: &[&Snapshot],
 ) -> Result<()> {
-    let cfg = LearnConfig::default();
-    let (mut related, mut strangers) = (vec![0], (1..maps.len()).collect::<Vec<_>>());
-    let mut next = 0;
-    while let Some(&known) = related.get(next) {
-        let (found, left): (Vec<usize>, Vec<usize>) = (strangers.iter())
-            .partition(|&&at| learn::have_in_common(&cfg, snapshots[known], snapshots[at]));
-        related.extend(found);
-        strangers = left;
-        next += 1;
-    }
-    let Some(&stranger) = strangers.first() else {
+    let Some(stranger) = learn::stranger_among(&LearnConfig::default(), snapshots) else {
         return Ok(());
     };
     let message = format!(
@@ -98,30 +76,16 @@ pub(crate) fn held_ids(
     };
     let mut found = Vec::new();
     for text in ids {
-        let id = one(&known, text).map_err(|error| error.with_path(map.path()))?;
+        let id = VisitId::find(&known, text).map_err(|error| {
+            error
+                .with_path(map.path())
+                .with_help("map.held() lists the visits")
+        })?;
         if !found.contains(&id) {
             found.push(id);
         }
     }
     Ok(found)
-}
-
-/// The one visit whose identity begins like this.
-fn one(held: &[VisitId], text: &str) -> Result<VisitId> {
-    let text = text.to_lowercase();
-    let mut found = (held.iter()).filter(|it| it.to_string().starts_with(&text));
-    let (kind, message) = match (found.next(), found.next()) {
-        (Some(it), None) => return Ok(*it),
-        (Some(_), Some(_)) => (
-            ErrorKind::Config,
-            format!("several visits begin with `{text}`"),
-        ),
-        (None, _) => (
-            ErrorKind::NotFound,
-            format!("no visit that is held begins with `{text}`"),
-        ),
-    };
-    Err(Error::new(kind, message).with_help("map.held() lists the visits"))
 }
 
 pub(crate) fn accept(map: &Map, ids: &[VisitId], cfg: &LearnConfig) -> Result<u64> {

@@ -63,16 +63,21 @@ pub(crate) fn preset_of(meta: &MapMeta) -> Preset {
     meta.preset.parse().unwrap_or(Preset::Default)
 }
 
-/// A pool of so many threads.
-pub(crate) fn pool_of(threads: Option<usize>) -> Result<rayon::ThreadPool> {
+/// A number of threads that do work, or none for all cores.
+pub(crate) fn checked_threads(threads: Option<usize>) -> Result<Option<usize>> {
     if threads == Some(0) {
         return Err(Error::new(ErrorKind::Config, "0 threads do no work")
             .with_place("threads")
             .with_help("choose from 1, or leave it out for all cores")
             .into());
     }
+    Ok(threads)
+}
+
+/// A pool of so many threads.
+pub(crate) fn pool_of(threads: Option<usize>) -> Result<rayon::ThreadPool> {
     let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads.unwrap_or(0))
+        .num_threads(checked_threads(threads)?.unwrap_or(0))
         .thread_name(|at| format!("chronotope-{at}"))
         .build();
     Ok(pool.map_err(|cause| Error::new(ErrorKind::Io, cause.to_string()))?)

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use clap::Args;
 
-use super::new_map;
 use super::outcome::Outcome;
 use super::output::{Output, contents};
 use super::unpacked::unpacked;
@@ -73,12 +72,12 @@ pub(super) fn export(args: &ExportArgs, out: &mut Output) -> Result<Outcome> {
 }
 
 pub(super) fn import(args: &ImportArgs, out: &mut Output) -> Result<Outcome> {
-    new_map::refuse_existing(&args.out)?;
+    Map::refuse_existing(&args.out)?;
     let snapshot = match &args.from[..] {
         [folder] if folder.is_dir() => Snapshot::import(folder)?,
         files => import_yaml(files)?,
     };
-    new_map::write(&args.out, &snapshot)?;
+    Map::create_from(&args.out, &snapshot)?;
     print_summary(out, &args.out, &snapshot)
 }
 

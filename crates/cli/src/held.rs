@@ -11,7 +11,7 @@ use super::arguments::ShownMap;
 use super::config::Config;
 use super::outcome::Outcome;
 use super::output::Output;
-use chronotope::error::{Error, ErrorKind, printable};
+use chronotope::error::printable;
 use chronotope::learn::{Learner, forget_session};
 use chronotope::map::{Map, Quarantine, SessionId, Snapshot, VisitId};
 
@@ -229,29 +229,13 @@ impl Which {
         }
         let mut ids = Vec::new();
         for text in &self.ids {
-            let id = one(&known, text).map_err(|error| error.with_path(map.path()))?;
+            let id = VisitId::find(&known, text).map_err(|error| {
+                (error.with_path(map.path())).with_help("`chronotope map held` lists the visits")
+            })?;
             if !ids.contains(&id) {
                 ids.push(id);
             }
         }
         Ok(ids)
     }
-}
-
-/// The one visit whose identity begins like this.
-fn one(held: &[VisitId], text: &str) -> chronotope::Result<VisitId> {
-    let text = text.to_lowercase();
-    let mut found = (held.iter()).filter(|it| it.to_string().starts_with(&text));
-    let (kind, message) = match (found.next(), found.next()) {
-        (Some(it), None) => return Ok(*it),
-        (Some(_), Some(_)) => (
-            ErrorKind::Config,
-            format!("several visits begin with `{text}`"),
-        ),
-        (None, _) => (
-            ErrorKind::NotFound,
-            format!("no visit that is held begins with `{text}`"),
-        ),
-    };
-    Err(Error::new(kind, message).with_help("`chronotope map held` lists the visits"))
 }

@@ -46,7 +46,7 @@ fn pictures(
 ) -> Frames {
     use std::time::SystemTime;
 
-    use super::pictures::TimeSource;
+    use chronotope::dataset::TimeSource;
     use chronotope::feature::opencv_input::Moment;
 
     Box::new(source.enumerate().map(move |(number, frame)| {

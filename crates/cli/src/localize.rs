@@ -13,7 +13,7 @@ use super::interrupt;
 use super::live::{self, Frames};
 use super::outcome::Outcome;
 use super::output::Output;
-use super::pictures::{Picture, Pictures, TimeSource};
+use super::pictures::{Picture, Pictures};
 use super::reading::{Adjust, ReadingArgs};
 use super::warnings::{print_held, print_num_held, warn_of_time};
 use super::within::Within;
@@ -561,7 +561,7 @@ impl<'o> Guide<'o> {
 struct Report<'a> {
     image: &'a str,
     time: Option<String>,
-    time_source: Option<TimeSource>,
+    time_source: Option<chronotope::dataset::TimeSource>,
     decision: &'static str,
     /// Where it is, if that was decided.
     place: Option<&'a PlaceKey>,

@@ -30,7 +30,6 @@ mod live;
 mod localize;
 mod make_index;
 mod merge;
-mod new_map;
 mod outcome;
 mod output;
 mod pictures;

@@ -7,7 +7,6 @@ use anyhow::Result;
 use clap::Args;
 
 use super::config::Config;
-use super::new_map;
 use super::outcome::Outcome;
 use super::output::{Output, contents};
 use chronotope::error::{Error, ErrorKind};
@@ -50,7 +49,7 @@ pub(super) struct MergeArgs {
 }
 
 pub(super) fn run(args: &MergeArgs, out: &mut Output) -> Result<Outcome> {
-    new_map::refuse_existing(&args.out)?;
+    Map::refuse_existing(&args.out)?;
     let maps = (args.maps.iter())
         .map(|path| Ok(Map::open_read_only(path)?.snapshot()))
         .collect::<Result<Vec<Arc<Snapshot>>>>()?;
@@ -75,7 +74,7 @@ pub(super) fn run(args: &MergeArgs, out: &mut Output) -> Result<Outcome> {
         let config = Config::read_for(&merged.meta, args.config.as_deref())?;
         merged = learn::relearn(config.learn, &merged)?;
     }
-    new_map::write(&args.out, &merged)?;
+    Map::create_from(&args.out, &merged)?;
     let summary = merged.summary();
     let num_shared = num_visits - summary.num_visits;
     let contents = contents(
@@ -88,17 +87,7 @@ pub(super) fn run(args: &MergeArgs, out: &mut Output) -> Result<Outcome> {
 
 /// An error if a map has nothing in common with the first one, also not by way of others.
 fn refuse_strangers(paths: &[PathBuf], maps: &[&Snapshot]) -> Result<()> {
-    let cfg = LearnConfig::default();
-    let (mut related, mut strangers) = (vec![0], (1..maps.len()).collect::<Vec<_>>());
-    let mut next = 0;
-    while let Some(&known) = related.get(next) {
-        let (found, left): (Vec<usize>, Vec<usize>) =
-            (strangers.iter()).partition(|&&at| learn::have_in_common(&cfg, maps[known], maps[at]));
-        related.extend(found);
-        strangers = left;
-        next += 1;
-    }
-    let Some(&stranger) = strangers.first() else {
+    let Some(stranger) = learn::stranger_among(&LearnConfig::default(), maps) else {
         return Ok(());
     };
     let message = format!(

@@ -1,6 +1,11 @@
 //! How long do observing, learning and predicting take?
 //!
 //! `cargo bench -p fremen-grid`; `RAYON_NUM_THREADS=1` for one thread.
+#![allow(
+    clippy::unwrap_used,
+    missing_docs,
+    reason = "a benchmark that cannot prepare itself has failed; criterion's macros document nothing"
+)]
 
 use std::hint::black_box;
 

@@ -13,6 +13,7 @@
 //! | [`model`] | which rhythm and which persistence has each cell? |
 //! | [`temporal`] | what will the world look like at time t? |
 //! | [`exchange`] | how are maps read that others wrote, and written so that others read them? |
+//! | [`mod@file`] | how is a grid kept in a file, whatever happens to the machine? |
 //! | [`random`] | which number comes next, the same on every run and in every thread? |
 //! | [`pose`] | where does the robot stand in the plane, and where does it look? |
 //! | [`scan`] | what does a planar laser say about cells? |
@@ -26,7 +27,7 @@
 //! # Conventions
 //!
 //! Lengths are metres, angles radians, times whole microseconds since 1970 in UTC
-//! ([`Time`](fremen::Time)). Cell `[x, y, z]` of a grid has the index `x + w (y + h z)`: x runs
+//! ([`Time`]). Cell `[x, y, z]` of a grid has the index `x + w (y + h z)`: x runs
 //! fastest. A probability lies in [0, 1]; the same input gives the same bytes for any number of
 //! threads.
 //!
@@ -41,6 +42,7 @@
 pub mod cells;
 pub mod exchange;
 pub mod experiment;
+pub mod file;
 pub mod history;
 pub mod localize;
 pub mod model;
@@ -53,6 +55,7 @@ pub mod temporal;
 mod tiles;
 
 pub use cells::{CellState, GridSpec, OccupancyMap, Patch, Thresholds};
+pub use file::GridFile;
 pub use fremen::{Error, ErrorKind, Result, Time};
 pub use history::{FrameStream, History, Outcome, Verdict};
 pub use model::{CellModel, GridConfig};

@@ -16,8 +16,8 @@ use crate::run::{Showcase, Shown, SuiteRun, live};
 use anyhow::Result;
 use chronotope::Time;
 use chronotope::dataset::{Clock, Dataset, Entry};
-use chronotope::feature::GrayImage;
-use chronotope::localize::{Decision, Localization, Query};
+use chronotope::feature::{GrayImage, Keypoint};
+use chronotope::localize::{Candidate, Decision, Localization, Query};
 use chronotope::map::Node;
 use chronotope::predict::Selection;
 use chronotope::trace::{SpectrumSummary, most_informative};
@@ -143,8 +143,9 @@ fn feature_picture(
     let mut features = Vec::new();
     let mut title = format!("{}, {}", queried.place, when(&data.dataset, queried));
     if let Some(first) = found.first() {
+        let expected = expected(showcase, first);
         let mut is_used = vec![false; live.len()];
-        let mut is_found = vec![false; first.predicted.len()];
+        let mut is_found = vec![false; expected.len()];
         for pair in first.matches.iter().filter(|pair| pair.inlier) {
             is_used[pair.live as usize] = true;
             is_found[pair.rank as usize] = true;
@@ -154,20 +155,18 @@ fn feature_picture(
                 y: keypoint.y,
                 size: keypoint.size,
                 class: FeatureClass::Matched,
-                probability: first.probabilities[pair.rank as usize] as f32,
+                probability: expected[pair.rank as usize].1 as f32,
             });
         }
-        let node = showcase.localizer.snapshot().node(first.node);
         let shift = first.displacement.median;
-        for (rank, &id) in first.predicted.iter().enumerate() {
-            if !is_found[rank] {
-                let keypoint = node.features.keypoints()[id as usize];
+        for ((keypoint, probability), is_found) in expected.iter().zip(&is_found) {
+            if !is_found {
                 features.push(PicturedFeature {
                     x: keypoint.x + shift.dx_px as f32,
                     y: keypoint.y + shift.dy_px as f32,
                     size: keypoint.size,
                     class: FeatureClass::Missing,
-                    probability: first.probabilities[rank] as f32,
+                    probability: *probability as f32,
                 });
             }
         }
@@ -184,9 +183,14 @@ fn feature_picture(
         }
         let _ = write!(
             title,
-            ": {} of {} predicted features found where they belong",
+            ": {} of {} {} features found where they belong",
             first.num_inliers,
-            first.predicted.len()
+            expected.len(),
+            if first.appearance.is_some() {
+                "remembered"
+            } else {
+                "predicted"
+            }
         );
     }
     Ok(FeaturePicture {
@@ -195,6 +199,27 @@ fn feature_picture(
         note: format!("{}: {}.", decided(showcase, found), found.reason),
         features,
     })
+}
+
+/// What a place was matched by, in the order of its ranks: the features that were predicted, or all
+/// of the remembered appearance that fits best, each with how probable it was.
+fn expected(showcase: &Showcase, candidate: &Candidate) -> Vec<(Keypoint, f64)> {
+    let node = showcase.localizer.snapshot().node(candidate.node);
+    let remembered = (candidate.appearance)
+        .and_then(|visit| node.visits.get(visit as usize)?.appearance.as_ref());
+    if let Some(features) = remembered {
+        let size = match showcase.localizer.cfg().selection() {
+            Selection::Top(n) => n.get(),
+            Selection::Threshold(_) => features.len(),
+        };
+        return (features.keypoints().iter().take(size))
+            .map(|&keypoint| (keypoint, 1.0))
+            .collect();
+    }
+    let keypoints = node.features.keypoints();
+    (candidate.predicted.iter().zip(&candidate.probabilities))
+        .map(|(&id, &probability)| (keypoints[id as usize], probability))
+        .collect()
 }
 
 /// The features that change most; see [`most_informative`].

@@ -18,10 +18,11 @@
 //!   that it is the same in every run. One search an image. The signature knows no time; what is
 //!   matched afterwards does.
 //!
-//! Voting is what `auto` uses from 50,000 predicted features on: in a map of 10,000 places grown
-//! from real images, the first place was that of the exact answer for all held-out images. With
-//! signatures, whose words many look-alike places share, it was so for 65 % in 1,000 places and for
-//! none in 10,000 (`eval/record/speed.md`).
+//! Voting is what `auto` uses from 50,000 predicted features on (150,000 where places have few
+//! visits, which are predicted by more features): in a map of 10,000 places grown from real images,
+//! the first place was that of the exact answer for all held-out images. With signatures, whose
+//! words many look-alike places share, it was so for 65 % in 1,000 places and for none in 10,000
+//! (`eval/record/speed.md`).
 //!
 //! Invariants: a list depends on map, configuration, time bucket and image alone; ties go to the
 //! lowest place. With voting nothing is allocated once warm; the graph allocates in every search.

@@ -93,13 +93,23 @@ impl Map {
             })?;
             Ok(Self::with_state(store, state))
         };
-        create().map_err(|error: Error| error.with_path(path))
+        create().map_err(|error: Error| never_overwritten(error.with_path(path)))
+    }
+
+    /// Refuses a name that is taken by a file or a link, before anything is done for a new map.
+    pub fn refuse_existing(path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
+        if std::fs::symlink_metadata(path).is_err() {
+            return Ok(());
+        }
+        let error = Error::new(ErrorKind::AlreadyExists, "this file exists already");
+        Err(never_overwritten(error.with_path(path)))
     }
 
     /// Gives a map file another name; a file that has that name, however late it came, is never
     /// overwritten.
     pub fn rename(from: impl AsRef<Path>, to: impl AsRef<Path>) -> Result<()> {
-        Store::rename(&MAP, from.as_ref(), to.as_ref())
+        Store::rename(&MAP, from.as_ref(), to.as_ref()).map_err(never_overwritten)
     }
 
     /// Opens a map file: to be written where file and folder allow it, else read-only.
@@ -390,6 +400,14 @@ impl Map {
     pub(super) fn with_connection<T>(&self, f: impl FnOnce(&rusqlite::Connection) -> T) -> T {
         f(self.stored().store.connection())
     }
+}
+
+/// Adds what helps to the error that a file exists.
+fn never_overwritten(error: Error) -> Error {
+    if error.kind() != ErrorKind::AlreadyExists {
+        return error;
+    }
+    error.with_help("a map is never overwritten: choose another name or remove it")
 }
 
 /// Writes generation 0.

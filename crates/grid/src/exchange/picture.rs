@@ -71,9 +71,8 @@ fn size_error(width: u64, height: u64) -> Error {
 
 fn check_size(width: u64, height: u64) -> Result<()> {
     match width.checked_mul(height) {
-        Some(1..=MAX_PIXELS) if width <= u64::from(u32::MAX) && height <= u64::from(u32::MAX) => {
-            Ok(())
-        }
+        // Neither side is longer than the product.
+        Some(1..=MAX_PIXELS) => Ok(()),
         _ => Err(size_error(width, height)),
     }
 }

@@ -14,6 +14,7 @@ mod tile;
 
 pub use forget::Forgotten;
 pub use frames::FrameStream;
-pub(crate) use log::{CellLog, Change, Changes};
+pub(crate) use log::{CellLog, Change, Changes, put_varint, take_varint};
+pub(crate) use observations::Observations;
 pub use record::{History, Memory, Outcome, Verdict};
-pub(crate) use tile::Tile;
+pub(crate) use tile::{Tile, Visits};

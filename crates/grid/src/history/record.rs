@@ -14,6 +14,7 @@ use crate::tiles::Tiling;
 pub struct History {
     pub(super) tiling: Tiling,
     pub(super) observations: Observations,
+    /// In the order in which they were first observed.
     pub(super) tiles: Vec<Tile>,
     /// Where in `tiles` the tile of a key is.
     pub(super) slots: HashMap<u32, u32>,

@@ -32,6 +32,11 @@ impl Visits {
         self.len
     }
 
+    /// Start, end, start, end, ...
+    pub(crate) fn bounds(&self) -> &[u32] {
+        &self.bounds
+    }
+
     pub(crate) fn ranges(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
         self.bounds.chunks_exact(2).map(|pair| (pair[0], pair[1]))
     }
@@ -39,21 +44,6 @@ impl Visits {
     /// The observations, ascending.
     pub(crate) fn observations(&self) -> impl Iterator<Item = u32> + '_ {
         self.ranges().flat_map(|(start, end)| start..end)
-    }
-
-    /// The visit at an observation, if it is one of them.
-    pub(crate) fn visit_at(&self, observation: u32) -> Option<u32> {
-        let mut before = 0;
-        for (start, end) in self.ranges() {
-            if observation < start {
-                return None;
-            }
-            if observation < end {
-                return Some(before + observation - start);
-            }
-            before += end - start;
-        }
-        None
     }
 
     /// The observation of a visit, which must be one of them.
@@ -196,6 +186,11 @@ impl Tile {
         cells.zip(&self.logs)
     }
 
+    /// Which of cells `64 word..64 (word + 1)` have a log.
+    pub(crate) fn logged(&self, word: usize) -> u64 {
+        self.words[word].logged
+    }
+
     pub(crate) const fn num_logs(&self) -> usize {
         self.logs.len()
     }
@@ -252,6 +247,30 @@ impl Tile {
         self.visits.extend(start, end);
     }
 
+    /// Adds the visits of another tile, whose observations follow `num_known` earlier ones.
+    pub(crate) fn append(&mut self, later: &Self, num_known: u32) {
+        let before = self.visits.len();
+        for (start, end) in later.visits.ranges() {
+            self.visits.extend(num_known + start, num_known + end);
+        }
+        if before == 0 {
+            let visits = std::mem::take(&mut self.visits);
+            *self = later.clone().with_visits(visits);
+            return;
+        }
+        for (word, first) in later.planes_at(0).into_iter().enumerate() {
+            let now = self.words[word].now;
+            for bit in bits((now.known ^ first.known) | (now.occupied ^ first.occupied)) {
+                self.change(before, word * 64 + bit as usize, first.state(bit));
+            }
+        }
+        for (at, log) in later.logs() {
+            for change in log.changes() {
+                self.change(before + change.visit, at, change.state);
+            }
+        }
+    }
+
     /// The states at a visit.
     pub(crate) fn planes_at(&self, visit: u32) -> Vec<Plane> {
         let mut planes: Vec<_> = self.words.iter().map(|it| it.now).collect();
@@ -292,16 +311,25 @@ impl Tile {
         self
     }
 
-    /// Sets what a file says of a cell; none where a log is broken.
-    pub(crate) fn restore(&mut self, at: usize, first: CellState, bytes: &[u8]) -> Option<()> {
-        let log = CellLog::from_bytes(first, bytes, self.visits.len())?;
-        let now = log.changes().last().map_or(first, |it| it.state);
-        self.words[at / 64].now.set(at as u32 % 64, now);
+    /// Sets what a file says of a cell: its state at visit 0, by the words of the known and the
+    /// occupied cells, and its log; none where that is broken.
+    pub(crate) fn restore(
+        &mut self,
+        at: usize,
+        [known, occupied]: [u64; 2],
+        bytes: &[u8],
+    ) -> Option<()> {
+        let bit = at as u32 % 64;
+        let first = Plane { known, occupied }.state(bit);
+        let mut now = first;
         if !bytes.is_empty() {
-            self.words[at / 64].logged |= 1 << (at % 64);
+            let log = CellLog::from_bytes(first, bytes, self.visits.len())?;
+            now = log.changes().last()?.state;
+            self.words[at / 64].logged |= 1 << bit;
             let rank = self.rank(at);
             self.logs.insert(rank, log);
         }
+        self.words[at / 64].now.set(bit, now);
         Some(())
     }
 

@@ -1,7 +1,13 @@
 //! What must hold of grids, whatever they are made of.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test that cannot prepare itself has failed"
+)]
 
 mod cells;
 mod exchange;
+mod file;
 mod history;
 mod localize;
 mod temporal;

@@ -1,0 +1,470 @@
+//! Which generations has a grid's file, and what does each hold?
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use chronotope_store::{
+    Access, Fault, Faults, Generation, Lineage, Reader, Row, Store, Tip, ValueRef, Writer,
+    put_value,
+};
+use fremen::{Error, ErrorKind, Result, Time};
+use sha2::{Digest, Sha256};
+
+use super::codec::{decode_observations, decode_tile, encode_observations, encode_tile};
+use super::tables::{BATCH, GRID, RESET, SPEC, TILE};
+use crate::cells::GridSpec;
+use crate::history::{History, Observations, Tile};
+use crate::tiles::Tiling;
+
+/// Bytes of a page.
+const PAGE_BYTES: u32 = 4096;
+/// How many faults [`GridFile::verify`] lists at most.
+const MAX_FAULTS: usize = 100;
+/// There is one line of observations; the tables could hold more.
+const LINE: i64 = 0;
+
+/// A grid in a file.
+#[derive(Debug)]
+pub struct GridFile {
+    store: Store,
+    known: Known,
+}
+
+/// What was read of a file.
+#[derive(Clone, Debug)]
+struct Known {
+    history: History,
+    tip: Tip,
+    /// The ids of the last rows.
+    last_batch: i64,
+    last_tile: i64,
+}
+
+/// What [`GridFile::verify`] found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Verified {
+    /// The newest generation, where it could be read.
+    pub generation: Option<u64>,
+    /// What is not as it was written; empty for a sound file.
+    pub faults: Vec<Fault>,
+}
+
+impl GridFile {
+    /// Makes a new file that holds a history; one that exists is never overwritten.
+    ///
+    /// Generation 0 is an empty grid, generation 1 has the history. Both are there once this
+    /// returns, or no file at all.
+    pub fn create(path: impl AsRef<Path>, history: History) -> Result<Self> {
+        let first = generation(&History::new(*history.spec()), 0, None, 0);
+        let second = generation(&history, 1, Some(0), 0);
+        let mut known = Known {
+            tip: Tip {
+                number: 1,
+                prunes: 0,
+            },
+            last_batch: 0,
+            last_tile: 0,
+            history,
+        };
+        let store = Store::create(&GRID, path.as_ref(), PAGE_BYTES, check, |writer| {
+            write_spec(writer, known.history.spec())?;
+            writer.insert_generation(&first)?;
+            let ids = write_batch(writer, &known.history, &known, 1)?;
+            (known.last_batch, known.last_tile) = ids;
+            writer.insert_generation(&second)
+        })?;
+        Ok(Self { store, known })
+    }
+
+    /// Opens a file and reads its newest generation.
+    pub fn open(path: impl AsRef<Path>, access: Access) -> Result<Self> {
+        let (store, known) = Store::open(&GRID, path.as_ref(), access, check, read_newest)?;
+        Ok(Self { store, known })
+    }
+
+    /// What the newest generation holds.
+    pub const fn history(&self) -> &History {
+        &self.known.history
+    }
+
+    /// Gives the history away.
+    pub fn into_history(self) -> History {
+        self.known.history
+    }
+
+    /// The number of the newest generation.
+    pub const fn generation(&self) -> u64 {
+        self.known.tip.number
+    }
+
+    /// Bytes of the file.
+    pub fn num_bytes(&self) -> Result<u64> {
+        self.store.num_bytes()
+    }
+
+    /// All generations, oldest first.
+    pub fn generations(&mut self) -> Result<Vec<Generation>> {
+        self.store
+            .read(|reader| reader.generations(None, &mut Faults::strict(&GRID)))
+    }
+
+    /// What a generation held.
+    pub fn at(&mut self, number: u64) -> Result<History> {
+        self.read_at(number).map(|known| known.history)
+    }
+
+    fn read_at(&mut self, number: u64) -> Result<Known> {
+        self.store.read(|reader| {
+            let found = read(reader, Some(number), &mut Faults::strict(&GRID))?;
+            found.ok_or_else(|| GRID.no_generation(number))
+        })
+    }
+
+    /// Commits the observations of another history that this one does not have; gives how many
+    /// they are. Without any, no generation is made.
+    ///
+    /// # Errors
+    /// As for [`History::merge`]; [`ErrorKind::Conflict`] where another process has committed
+    /// meanwhile. The file and what was read of it stay as they were.
+    pub fn add(&mut self, other: &History) -> Result<usize> {
+        let mut next = self.known.clone();
+        let num_new = next.history.merge(other)?;
+        if num_new == 0 {
+            return Ok(0);
+        }
+        self.commit(next, other, false)?;
+        Ok(num_new)
+    }
+
+    /// Forgets all observations before a time, from the next generation on; gives how many.
+    ///
+    /// Earlier generations still have them until the file is [pruned](Self::prune).
+    pub fn forget_before(&mut self, time: Time) -> Result<usize> {
+        let mut next = self.known.clone();
+        let forgotten = next.history.forget_before(time);
+        if forgotten.num_observations == 0 {
+            return Ok(0);
+        }
+        let rest = next.history.clone();
+        self.commit(next, &rest, true)?;
+        Ok(forgotten.num_observations)
+    }
+
+    /// Makes the content of an earlier generation the newest; gives the number of that one.
+    pub fn rollback(&mut self, to: u64) -> Result<u64> {
+        let mut past = self.read_at(to)?;
+        let tip = self.known.tip;
+        past.tip = Tip {
+            number: tip.number + 1,
+            ..tip
+        };
+        let generation = generation(&past.history, past.tip.number, Some(to), tip.prunes);
+        self.store
+            .write(tip, |writer| writer.insert_generation(&generation))?;
+        self.known = past;
+        Ok(generation.number)
+    }
+
+    /// Forgets all generations but the newest and those in `keep`, and frees their room; gives
+    /// how many went.
+    pub fn prune(&mut self, keep: &[u64]) -> Result<usize> {
+        let keep: BTreeSet<u64> = keep.iter().copied().collect();
+        let same = |a: &Known, b: &Known| a.history == b.history;
+        let pruned = self.store.prune(self.known.tip, &keep, read_newest, same)?;
+        let Some((known, num_dropped)) = pruned else {
+            return Ok(0);
+        };
+        self.known = known;
+        self.store.vacuum()?;
+        Ok(num_dropped)
+    }
+
+    /// Checks a file and changes nothing: `SQLite`'s pages, every row's checksum, the digest of
+    /// the newest generation.
+    pub fn verify(path: impl AsRef<Path>) -> Result<Verified> {
+        let (found, faults) =
+            Store::verify(&GRID, path.as_ref(), MAX_FAULTS, check, |reader, faults| {
+                read(reader, None, faults)
+            })?;
+        Ok(Verified {
+            generation: found.map(|it| it.tip.number),
+            faults,
+        })
+    }
+
+    fn commit(&mut self, mut next: Known, new: &History, anew: bool) -> Result<()> {
+        let tip = self.known.tip;
+        next.tip.number = tip.number + 1;
+        let number = next.tip.number;
+        let generation = generation(&next.history, number, Some(tip.number), tip.prunes);
+        let ids = &mut (0, 0);
+        let known = &self.known;
+        self.store.write(tip, |writer| {
+            if anew {
+                let number = ValueRef::Integer(number as i64);
+                writer.insert(&RESET, &[number, number, ValueRef::Integer(LINE)])?;
+            }
+            *ids = write_batch(writer, new, known, number)?;
+            writer.insert_generation(&generation)
+        })?;
+        (next.last_batch, next.last_tile) = *ids;
+        self.known = next;
+        Ok(())
+    }
+}
+
+fn generation(history: &History, number: u64, parent: Option<u64>, prunes: u64) -> Generation {
+    Generation {
+        number,
+        parent,
+        prunes,
+        time_us: Time::now().as_us(),
+        notes: vec![
+            history.num_observations() as u64,
+            history.tiles().len() as u64,
+        ],
+        digest: digest(history),
+    }
+}
+
+/// Of the content, in whatever order it came.
+fn digest(history: &History) -> [u8; 32] {
+    let mut sha = Sha256::new();
+    for value in spec_values(history.spec()) {
+        put_value(&mut sha, value);
+    }
+    put_value(
+        &mut sha,
+        ValueRef::Blob(&encode_observations(history.observations())),
+    );
+    for tile in history.sorted_tiles() {
+        put_value(&mut sha, ValueRef::Integer(tile.key().into()));
+        put_value(&mut sha, ValueRef::Blob(&encode_tile(tile)));
+    }
+    sha.finalize().into()
+}
+
+fn spec_values(spec: &GridSpec) -> [ValueRef<'static>; 8] {
+    let [x, y, z] = spec.origin_m().map(ValueRef::Real);
+    let [w, h, d] = spec.dims().map(|n| ValueRef::Integer(n.into()));
+    let is_2d = ValueRef::Integer(spec.is_2d().into());
+    [is_2d, x, y, z, ValueRef::Real(spec.resolution_m()), w, h, d]
+}
+
+fn write_spec(writer: &Writer<'_>, spec: &GridSpec) -> Result<()> {
+    let mut values = vec![ValueRef::Integer(1), ValueRef::Integer(0)];
+    values.extend(spec_values(spec));
+    writer.insert(&SPEC, &values)
+}
+
+/// Writes observations; gives the ids of the last rows.
+fn write_batch(
+    writer: &Writer<'_>,
+    history: &History,
+    known: &Known,
+    number: u64,
+) -> Result<(i64, i64)> {
+    let [generation, line] = [number as i64, LINE].map(ValueRef::Integer);
+    let batch = known.last_batch + 1;
+    let id = ValueRef::Integer(batch);
+    let observations = encode_observations(history.observations());
+    writer.insert(
+        &BATCH,
+        &[id, generation, line, ValueRef::Blob(&observations)],
+    )?;
+    let mut last_tile = known.last_tile;
+    for tile in history.sorted_tiles() {
+        last_tile += 1;
+        let [row, key] = [last_tile, tile.key().into()].map(ValueRef::Integer);
+        let bytes = encode_tile(tile);
+        writer.insert(
+            &TILE,
+            &[row, generation, line, id, key, ValueRef::Blob(&bytes)],
+        )?;
+    }
+    Ok((batch, last_tile))
+}
+
+/// Whether the newest content is what was written.
+fn check(reader: &Reader<'_>) -> Result<()> {
+    read(reader, None, &mut Faults::strict(&GRID)).map(drop)
+}
+
+fn read_newest(reader: &Reader<'_>) -> Result<Known> {
+    let found = read(reader, None, &mut Faults::strict(&GRID))?;
+    found.ok_or_else(|| GRID.no_generations())
+}
+
+/// Reads a generation, the newest where none is given.
+fn read(reader: &Reader<'_>, at: Option<u64>, faults: &mut Faults) -> Result<Option<Known>> {
+    let generations = reader.generations(None, faults)?;
+    let Some((lineage, line)) = Lineage::trace(&generations, None, at) else {
+        return Ok(None);
+    };
+    let mut spec = None;
+    reader.scan(&SPEC, 0, faults, |row, _| {
+        if lineage.holds(row, 1)? {
+            spec = Some(spec_of(row)?);
+        }
+        Ok(())
+    })?;
+    let Some(spec) = spec else {
+        let fault = Fault::new(SPEC.name, ErrorKind::Format, "there is no row of the cells");
+        return faults.add(fault).map(|()| None);
+    };
+    let mut begins = 0;
+    reader.scan(&RESET, 0, faults, |row, _| {
+        if lineage.holds(row, 1)? {
+            begins = row.count(1)?;
+        }
+        Ok(())
+    })?;
+    let mut batches = Batches::new(spec, begins);
+    let last_batch = batches.read_observations(reader, &lineage, faults)?;
+    let last_tile = batches.read_tiles(reader, &lineage, faults)?;
+    let history = batches.join(faults)?;
+    if let Some(last) = line.last().filter(|_| faults.is_clean()) {
+        let notes = [
+            ("num_observations", history.num_observations() as u64),
+            ("num_tiles", history.tiles().len() as u64),
+        ];
+        (last.compare(&GRID, &notes, &digest(&history)))
+            .or_else(|fault: Fault| faults.add(fault))?;
+    }
+    Ok(Some(Known {
+        history,
+        tip: reader.tip()?,
+        last_batch,
+        last_tile,
+    }))
+}
+
+fn spec_of(row: &Row<'_>) -> Result<GridSpec, Fault> {
+    let origin = [row.real(3)?, row.real(4)?, row.real(5)?];
+    let resolution = row.real(6)?;
+    let mut dims = [0; 3];
+    for (axis, dim) in dims.iter_mut().enumerate() {
+        let cells = row.count(7 + axis)?;
+        *dim = u32::try_from(cells).map_err(|_| row.misfit(7 + axis, "too many cells"))?;
+    }
+    let spec = if row.integer(2)? == 1 {
+        GridSpec::new_2d([origin[0], origin[1]], resolution, [dims[0], dims[1]])
+    } else {
+        GridSpec::new_3d(origin, resolution, dims)
+    };
+    spec.map_err(|error| row.misfit(6, error.message()))
+}
+
+/// The batches of a line of generations on the way to a history.
+struct Batches {
+    tiling: Tiling,
+    /// Rows of older generations do not hold.
+    begins: usize,
+    /// The id, the observations and the tiles of each.
+    all: Vec<(i64, Observations, Vec<Tile>)>,
+}
+
+impl Batches {
+    fn new(spec: GridSpec, begins: usize) -> Self {
+        Self {
+            tiling: Tiling::new(spec),
+            begins,
+            all: Vec::new(),
+        }
+    }
+
+    /// Gives the id of the last row.
+    fn read_observations(
+        &mut self,
+        reader: &Reader<'_>,
+        lineage: &Lineage,
+        faults: &mut Faults,
+    ) -> Result<i64> {
+        let mut last = 0;
+        reader.scan(&BATCH, 0, faults, |row, _| {
+            last = row.id();
+            if lineage.holds(row, 1)? && row.count(1)? >= self.begins {
+                let observations = decode_observations(row.blob(3)?)
+                    .ok_or_else(|| row.misfit(3, "these are no observations"))?;
+                self.all.push((row.id(), observations, Vec::new()));
+            }
+            Ok(())
+        })?;
+        Ok(last)
+    }
+
+    /// Gives the id of the last row.
+    fn read_tiles(
+        &mut self,
+        reader: &Reader<'_>,
+        lineage: &Lineage,
+        faults: &mut Faults,
+    ) -> Result<i64> {
+        let mut last = 0;
+        reader.scan(&TILE, 0, faults, |row, _| {
+            last = row.id();
+            if !lineage.holds(row, 1)? || row.count(1)? < self.begins {
+                return Ok(());
+            }
+            let batch = row.integer(3)?;
+            let found = self.all.binary_search_by_key(&batch, |it| it.0);
+            let Some((_, observations, tiles)) = found.ok().and_then(|at| self.all.get_mut(at))
+            else {
+                return Err(row.misfit(3, format!("there is no batch {batch}")));
+            };
+            let key =
+                u32::try_from(row.count(4)?).map_err(|_| row.misfit(4, "there is no such tile"))?;
+            let tile = decode_tile(&self.tiling, key, observations.len(), row.blob(5)?)
+                .ok_or_else(|| row.misfit(5, "this is no tile of the grid"))?;
+            if tiles.last().is_some_and(|last: &Tile| last.key() >= key) {
+                return Err(row.misfit(4, "the tiles of a batch are not ascending"));
+            }
+            tiles.push(tile);
+            Ok(())
+        })?;
+        Ok(last)
+    }
+
+    fn join(self, faults: &mut Faults) -> Result<History> {
+        let mut history: Option<History> = None;
+        for (id, observations, tiles) in self.all {
+            let batch = History::from_parts(self.tiling, observations, tiles);
+            match &mut history {
+                None => history = Some(batch),
+                Some(history) => {
+                    if let Err(error) = history.merge(&batch) {
+                        let fault = Fault::new(BATCH.name, ErrorKind::Format, error.message());
+                        faults.add(fault.at(Some(id), None, None))?;
+                    }
+                }
+            }
+        }
+        Ok(history.unwrap_or_else(|| History::new(*self.tiling.spec())))
+    }
+}
+
+/// A grid that several files hold together.
+impl GridFile {
+    /// Makes a new file of the union of others, in whatever order they are given.
+    ///
+    /// # Errors
+    /// As for [`History::merge`] and [`Self::create`].
+    pub fn merge_into<P: AsRef<Path>>(path: impl AsRef<Path>, others: &[P]) -> Result<Self> {
+        let mut union: Option<History> = None;
+        for other in others {
+            let history = Self::open(other, Access::ReadOnly)?.into_history();
+            match &mut union {
+                None => union = Some(history),
+                Some(union) => {
+                    union
+                        .merge(&history)
+                        .map_err(|error| error.with_path(other))?;
+                }
+            }
+        }
+        let union = union.ok_or_else(|| {
+            Error::new(ErrorKind::Config, "no grid to merge").with_help("name at least one")
+        })?;
+        Self::create(path, union)
+    }
+}

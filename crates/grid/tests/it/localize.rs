@@ -57,7 +57,10 @@ fn both_models_follow_a_robot_within_a_cell_or_two() -> Result<()> {
     let beams = BeamModel::new(&map, BeamModelConfig::default())?;
     let models: [(&str, &dyn SensorModel); 2] = [("field", &field), ("beams", &beams)];
     for (name, model) in models {
-        let config = FilterConfig::default();
+        let config = FilterConfig {
+            min_particles: 500,
+            ..FilterConfig::default()
+        };
         let mut filter = MonteCarlo::around(&drive.truth[0], 0.2, 0.1, config, 1)?;
         let estimates = follow(&mut filter, &drive, model, &space)?;
         let errors = errors(&drive, &estimates);
@@ -123,7 +126,9 @@ fn the_same_seed_gives_the_same_bytes_for_any_number_of_threads() -> Result<()> 
                 num_tries: 2_000,
                 ..PlaceSearch::default()
             };
-            let (found, _) = search.best(&drive.scans[9], &field, &space, seed).expect("tries");
+            let (found, _) = search
+                .best(&drive.scans[9], &field, &space, seed)
+                .expect("tries");
             estimates[0].pose = found;
             Ok(estimates)
         })

@@ -7,6 +7,7 @@
 
 mod cells;
 mod exchange;
+mod experiment;
 mod file;
 mod history;
 mod localize;

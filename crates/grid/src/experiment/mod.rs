@@ -3,5 +3,9 @@
 //! Each experiment is a function of its configuration and gives a table; `examples/` prints them.
 
 mod carmen;
+mod passes;
+mod statistics;
+mod world;
 
 pub use carmen::{CarmenConfig, CarmenReport, RangeResult, carmen};
+pub use passes::{MAPS, PassResult, PassesConfig, PassesReport, passes};

@@ -8,6 +8,7 @@
 mod cells;
 mod compress;
 mod exchange;
+mod experiment;
 mod file;
 mod history;
 mod localize;

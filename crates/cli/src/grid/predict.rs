@@ -32,7 +32,7 @@ Examples:
   chronotope grid predict office.grid --time 2024-05-07T14:00:00Z
   chronotope grid predict office.grid --time 2024-05-07T14:00:00Z --out now.yaml --mode scale
   chronotope grid predict office.grid --time 2024-05-07T14:00:00Z --png now.png --base week")]
-pub(super) struct PredictArgs {
+pub(crate) struct PredictArgs {
     /// The grid file.
     grid: PathBuf,
     /// When, in RFC 3339 with an offset.
@@ -59,7 +59,7 @@ pub(super) struct PredictArgs {
 #[command(after_help = "\
 Examples:
   chronotope grid export office.grid --from 2024-05-07T00:00:00Z --every-h 1 --count 24 --out day/")]
-pub(super) struct ExportArgs {
+pub(crate) struct ExportArgs {
     /// The grid file.
     grid: PathBuf,
     /// The time of the first map.

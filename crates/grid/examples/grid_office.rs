@@ -120,7 +120,11 @@ fn learn(grid: &mut TemporalGrid, raw_bytes: f64, say: &mut Printer) -> Result<(
         ("hours of a day", Period::DAY, 24),
         ("hours of a week", Period::WEEK, 168),
     ] {
-        models.push((name.to_owned(), None, CellModel::Histogram { period, num_bins }));
+        models.push((
+            name.to_owned(),
+            None,
+            CellModel::Histogram { period, num_bins },
+        ));
     }
     for (name, periods, model) in models {
         grid.set_config(GridConfig::new(model)?.with_persistence(false));

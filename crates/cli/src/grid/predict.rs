@@ -102,6 +102,17 @@ impl Mode {
 }
 
 pub(super) fn predict(args: &PredictArgs, out: &mut Output) -> Result<Outcome> {
+    if let (Some(map), Some(png)) = (&args.out, &args.png)
+        && map.with_extension("png") == *png
+        && matches!(args.mode, Mode::Scale)
+    {
+        return Err(
+            Error::new(ErrorKind::Config, "two pictures would have this name")
+                .with_path(png)
+                .with_help("in mode scale the map's own picture is a PNG: choose another --png")
+                .into(),
+        );
+    }
     let mut grid = open(&args.grid, &args.model)?;
     let spec = *grid.spec();
     let fitted = grid.fitted();

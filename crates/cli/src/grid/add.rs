@@ -16,7 +16,7 @@ use fremen_grid::{GridFile, History, Thresholds};
 
 /// Make a grid of maps that were made at known times.
 ///
-/// The maps are those of ROS's map_server: a YAML file with a PGM or PNG picture beside it. They
+/// The maps are those of ROS's `map_server`: a YAML file with a PGM or PNG picture beside it. They
 /// must be on one raster, with one resolution and origins that differ by whole cells. The grid
 /// covers them all.
 #[derive(Debug, Args)]

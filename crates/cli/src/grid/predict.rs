@@ -25,7 +25,7 @@ const PNG: OutputKind = OutputKind {
 
 /// Predict the map of a time.
 ///
-/// It is written for ROS's map_server with --out (2-D), as a picture with --png, or summed up.
+/// It is written for ROS's `map_server` with --out (2-D), as a picture with --png, or summed up.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -195,7 +195,7 @@ pub(super) fn export(args: &ExportArgs, out: &mut Output) -> Result<Outcome> {
         fitted.predict_into(time, &mut map)?;
         let name = format!("{number:05}.yaml");
         write_map(&map, &args.out.join(&name), args.mode)?;
-        index.push_str(&format!("{time},{name}\n"));
+        index.push_str(&[&time.to_string(), ",", &name, "\n"].concat());
         progress.reach(number as usize + 1);
     }
     let path = args.out.join("index.csv");

@@ -19,6 +19,7 @@
 //! | [`scan`] | what does a planar laser say about cells? |
 //! | [`localize`] | where is the robot in a map, and is the map still right? |
 //! | [`registration`] | does a patrol's map belong into the grid, and where? |
+//! | [`plan`] | which way is short, and free at the time at which the robot comes there? |
 //! | [`simulation`] | what would a robot have seen in a world whose truth is known? |
 //! | [`experiment`] | how good is all this? |
 //!
@@ -46,6 +47,7 @@ pub mod file;
 pub mod history;
 pub mod localize;
 pub mod model;
+pub mod plan;
 pub mod pose;
 pub mod random;
 pub mod registration;

@@ -4,8 +4,12 @@
 
 mod carmen;
 mod passes;
+mod quarantine;
 mod statistics;
 mod world;
 
 pub use carmen::{CarmenConfig, CarmenReport, RangeResult, carmen};
 pub use passes::{MAPS, PassResult, PassesConfig, PassesReport, passes};
+pub use quarantine::{
+    Care, Corruption, OfficePatrols, PatrolResult, QuarantineConfig, QuarantineReport, quarantine,
+};

@@ -20,7 +20,7 @@ pub struct JourneysConfig {
     pub layout: Layout,
     /// Days of patrols before the first journey.
     pub num_days: i64,
-    /// Hours between patrols, before and between the journeys.
+    /// Hours between patrols on average, before and between the journeys.
     pub every_h: f64,
     /// Journeys from room to room in each office, by day on weekdays.
     pub num_journeys: usize,
@@ -38,7 +38,7 @@ impl Default for JourneysConfig {
             seeds: (0..10).collect(),
             layout: Layout::Paper,
             num_days: 14,
-            every_h: 2.0,
+            every_h: 1.0,
             num_journeys: 40,
             resolution_m: 0.1,
             planner: Planner::default(),
@@ -170,7 +170,8 @@ fn in_office(seed: u64, config: &JourneysConfig) -> Result<[JourneyCounts; 5]> {
         while next_h < start_h {
             let map = patrol_map(&office, spec, moment(0, next_h), &mut random)?;
             grid.observe(&patch_of(&map), moment(0, next_h))?;
-            next_h += config.every_h;
+            // At any hour, so that what comes at fixed hours is met.
+            next_h += config.every_h * random.between(0.5, 1.5);
         }
         let [mut from, mut to] = office.places();
         if random.chance(0.5) {

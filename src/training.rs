@@ -218,7 +218,7 @@ impl Training {
     /// of reading the dataset as a whole and of creating a map.
     pub fn to_build(data: &Path, out: &Path, cfg: &TrainingConfig) -> Result<Self> {
         Map::refuse_existing(out)?;
-        let (manifest, dataset) = open_dataset(data, cfg)?;
+        let dataset = open_dataset(data, cfg)?;
         let judges = cfg.learn.guard().judge() == Judge::Updates;
         let learn = cfg.learn.clone().for_building();
         let extractor = ExtractorConfig::StarBrief(
@@ -235,9 +235,8 @@ impl Training {
             &text,
         ]
         .join("\n");
-        let given = cfg.reading.zone.as_ref().map(|zone| zone.name().to_owned());
         let meta = MapMeta {
-            zone: given.or_else(|| manifest.time.zone.clone()),
+            zone: dataset.zone.clone(),
             ..MapMeta::new(derived_uuid(&seed), extractor.id(), cfg.preset.name())
         };
         let part = part_of(out);
@@ -261,7 +260,7 @@ impl Training {
                 .with_path(map.path())
                 .with_help("change the rights or copy it"));
         }
-        let (_, dataset) = open_dataset(data, cfg)?;
+        let dataset = open_dataset(data, cfg)?;
         let mut learn = cfg.learn.clone();
         if dataset.clock == Clock::None {
             // Times that only number the visits are no clock's.
@@ -568,10 +567,9 @@ fn part_of(map: &Path) -> PathBuf {
     name.into()
 }
 
-fn open_dataset(data: &Path, cfg: &TrainingConfig) -> Result<(Manifest, Dataset)> {
+fn open_dataset(data: &Path, cfg: &TrainingConfig) -> Result<Dataset> {
     let (manifest, data_dir) = Manifest::locate(data)?;
-    let dataset = Dataset::read(&manifest, &data_dir, &cfg.reading)?.adjusted(&cfg.adjustment);
-    Ok((manifest, dataset))
+    Ok(Dataset::read(&manifest, &data_dir, &cfg.reading)?.adjusted(&cfg.adjustment))
 }
 
 /// Adds the poses of places and the edges between them, as far as the map has the places.

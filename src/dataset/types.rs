@@ -146,6 +146,8 @@ pub struct Dataset {
     pub name: String,
     /// What its times mean.
     pub clock: Clock,
+    /// The IANA zone by whose clocks its places live, where that is known.
+    pub zone: Option<String>,
     /// Columns and rows that its images have, where a manifest says so.
     pub image_size: Option<(u32, u32)>,
     /// The images, sorted by time, then place, then id.

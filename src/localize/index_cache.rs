@@ -54,12 +54,12 @@ use crate::matching::BinaryWords;
 use crate::predict::ReferenceVisits;
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::file::{self, OutputFile, OutputKind};
-use fremen::time::Time;
+use fremen::time::{Time, Zone};
 use fremen::visibility::{self, BitRow, VisibilityModel, Visits};
 
 const MAGIC: [u8; 8] = *b"CHRQUERY";
 /// Grows when bytes or what they lead to change their meaning.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 const HEAD_BYTES: usize = 64;
 /// Where in the head the seal begins.
 const SEAL_AT: usize = 32;
@@ -437,8 +437,17 @@ fn parse(file: &[u8], fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Optio
         }
         end = end.checked_add(block.len)?;
     }
+    let meta = MapMeta {
+        uuid: u128::from_str_radix(&contents.uuid, 16).ok()?,
+        extractor: contents.extractor,
+        image_size: contents.image_size,
+        crop: contents.crop,
+        preset: contents.preset,
+        zone: contents.zone,
+    };
+    let zone = meta.civil_zone().ok()?;
     let blocks = (contents.blocks.par_iter())
-        .map(|block| read_block(file, block, cfg))
+        .map(|block| read_block(file, block, cfg, zone.as_ref()))
         .collect::<Option<Vec<_>>>()?;
     let num_places = blocks.iter().map(Vec::len).sum();
     let (mut nodes, mut plans) = (
@@ -451,14 +460,7 @@ fn parse(file: &[u8], fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Optio
     }
     let snapshot = Snapshot {
         generation: contents.generation,
-        meta: MapMeta {
-            uuid: u128::from_str_radix(&contents.uuid, 16).ok()?,
-            extractor: contents.extractor,
-            image_size: contents.image_size,
-            crop: contents.crop,
-            preset: contents.preset,
-            zone: contents.zone,
-        },
+        meta,
         nodes,
         edges: contents.edges,
         attachments: (contents.attachments.into_iter())
@@ -475,12 +477,17 @@ fn parse(file: &[u8], fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Optio
     });
     fits.then(|| {
         let finder = words.map_or_else(|| Finder::new(&snapshot, cfg), Finder::Inverted);
-        let map = PlannedMap::from_parts(Arc::new(snapshot), cfg.clone(), plans);
+        let map = PlannedMap::from_parts(Arc::new(snapshot), cfg.clone(), zone, plans);
         Localizer::from_parts(map, calibration.map(Arc::new), finder)
     })
 }
 
-fn read_block(file: &[u8], block: &Block, cfg: &LocalizerConfig) -> Option<Vec<(Node, Plan)>> {
+fn read_block(
+    file: &[u8],
+    block: &Block,
+    cfg: &LocalizerConfig,
+    zone: Option<&Zone>,
+) -> Option<Vec<(Node, Plan)>> {
     let start = usize::try_from(block.start).ok()?;
     let end = start.checked_add(usize::try_from(block.len).ok()?)?;
     let bytes = file.get(start..end)?;
@@ -489,7 +496,7 @@ fn read_block(file: &[u8], block: &Block, cfg: &LocalizerConfig) -> Option<Vec<(
     }
     let mut reader = Reader(bytes);
     let places = (0..block.num_places)
-        .map(|_| reader.place(cfg))
+        .map(|_| reader.place(cfg, zone))
         .collect::<Option<Vec<_>>>()?;
     reader.0.is_empty().then_some(places)
 }
@@ -625,7 +632,7 @@ impl<'a> Reader<'a> {
         Features::from_parts(keypoints, descriptors).ok()
     }
 
-    fn place(&mut self, cfg: &LocalizerConfig) -> Option<(Node, Plan)> {
+    fn place(&mut self, cfg: &LocalizerConfig, zone: Option<&Zone>) -> Option<(Node, Plan)> {
         let mut node = Node::new(PlaceKey::new(self.text()?).ok()?);
         if self.u8()? != 0 {
             node.pose = Some(self.f64s(3)?.try_into().ok()?);
@@ -644,7 +651,7 @@ impl<'a> Reader<'a> {
                 references: ReferenceVisits::of(&node.log, Visits::All).ok()?,
             }
         } else {
-            Plan::of(&node, cfg).ok()?
+            Plan::of(&node, cfg, zone).ok()?
         };
         Some((node, plan))
     }

@@ -20,7 +20,7 @@ use crate::map::{NodeId, Snapshot};
 use crate::predict::Selection;
 use fremen::error::Result;
 use fremen::time::Time;
-use fremen::visibility::VisibilityModel;
+use fremen::visibility::{self, VisibilityModel, Visits};
 
 /// Answers "where am I?" from one snapshot; immutable and shared between threads.
 #[derive(Debug)]
@@ -139,6 +139,19 @@ impl Localizer {
     /// The configuration that it works by.
     pub fn cfg(&self) -> &LocalizerConfig {
         &self.map.cfg
+    }
+
+    /// A model of a place that knows how sure it is, learnt from all visits
+    /// ([`fit_cautious`](visibility::fit_cautious)). It is fitted at each call.
+    ///
+    /// # Errors
+    ///
+    /// Those of fitting.
+    pub fn cautious_model(&self, node: NodeId) -> Result<Box<dyn VisibilityModel>> {
+        let log = &self.snapshot().node(node).log;
+        visibility::in_zone(self.map.zone.as_ref(), log, |log| {
+            visibility::fit_cautious(log, self.cfg().visibility(), Visits::All)
+        })
     }
 
     /// The visibility model of a place; `None` where the method remembers appearances instead.

@@ -16,7 +16,7 @@ use crate::map::{AppearanceUse, Node, NodeId, Snapshot};
 use crate::matching::Matcher;
 use crate::predict::{Choice, PredictedMap, ReferenceVisits, Selection};
 use fremen::error::{Error, ErrorKind, Result};
-use fremen::time::Time;
+use fremen::time::{Time, Zone};
 use fremen::visibility::{self, BitRow, VisibilityConfig, VisibilityModel, Visits};
 
 /// Sums in another order differ by less.
@@ -30,6 +30,8 @@ pub(super) struct PlannedMap {
     pub(super) matcher: Matcher,
     /// Shared with those of other generations of the map, where a place is the same in both.
     pub(super) plans: Vec<Arc<Plan>>,
+    /// By whose clocks places are predicted.
+    pub(super) zone: Option<Zone>,
 }
 
 /// What one place is matched by.
@@ -60,16 +62,18 @@ impl PlannedMap {
     /// Fits the model of every place, on the threads of the caller's rayon pool.
     pub(super) fn new(snapshot: Arc<Snapshot>, cfg: LocalizerConfig) -> Result<Self> {
         cfg.check()?;
+        let zone = snapshot.meta.civil_zone()?;
         let plans = (snapshot.nodes.par_iter())
-            .map(|node| Plan::of(node, &cfg).map(Arc::new))
+            .map(|node| Plan::of(node, &cfg, zone.as_ref()).map(Arc::new))
             .collect::<Result<_>>()?;
-        Self::from_plans(snapshot, cfg, plans)
+        Self::from_plans(snapshot, cfg, zone, plans)
     }
 
     /// With plans that are known; fails where there is nothing to match.
     pub(super) fn from_plans(
         snapshot: Arc<Snapshot>,
         cfg: LocalizerConfig,
+        zone: Option<Zone>,
         plans: Vec<Arc<Plan>>,
     ) -> Result<Self> {
         if plans.is_empty() {
@@ -90,13 +94,14 @@ impl PlannedMap {
             )
             .with_help("build the map with `keep-appearances = \"all\"`, or use method `fremen`"));
         }
-        Ok(Self::from_parts(snapshot, cfg, plans))
+        Ok(Self::from_parts(snapshot, cfg, zone, plans))
     }
 
     /// With plans of which some are known to match something.
     pub(super) fn from_parts(
         snapshot: Arc<Snapshot>,
         cfg: LocalizerConfig,
+        zone: Option<Zone>,
         plans: Vec<Arc<Plan>>,
     ) -> Self {
         Self {
@@ -104,22 +109,25 @@ impl PlannedMap {
             snapshot,
             cfg,
             plans,
+            zone,
         }
     }
 
     /// The same for a newer snapshot of the map; `is_same` says which of its places have not
     /// changed and keep their plans.
     pub(super) fn with_snapshot(&self, snapshot: Arc<Snapshot>, is_same: &[bool]) -> Result<Self> {
+        let zone = snapshot.meta.civil_zone()?;
+        let are_clocks_same = zone == self.zone;
         let plans = (snapshot.nodes.par_iter().zip(is_same).enumerate())
             .map(|(index, (node, &is_same))| {
-                if is_same {
+                if is_same && are_clocks_same {
                     Ok(Arc::clone(&self.plans[index]))
                 } else {
-                    Plan::of(node, &self.cfg).map(Arc::new)
+                    Plan::of(node, &self.cfg, zone.as_ref()).map(Arc::new)
                 }
             })
             .collect::<Result<_>>()?;
-        Self::from_plans(snapshot, self.cfg.clone(), plans)
+        Self::from_plans(snapshot, self.cfg.clone(), zone, plans)
     }
 
     /// The time that is predicted for, if the query fits the map: the middle of its bucket, or the
@@ -196,8 +204,10 @@ impl PlannedMap {
 
 impl Plan {
     /// What the configured method matches the place by.
-    pub(super) fn of(node: &Node, cfg: &LocalizerConfig) -> Result<Self> {
-        let fit = |cfg: &VisibilityConfig, log| visibility::fit(log, cfg, Visits::All);
+    pub(super) fn of(node: &Node, cfg: &LocalizerConfig, zone: Option<&Zone>) -> Result<Self> {
+        let fit = |cfg: &VisibilityConfig, log| {
+            visibility::in_zone(zone, log, |log| visibility::fit(log, cfg, Visits::All))
+        };
         let kept = |only: Option<AppearanceUse>| {
             (0..)
                 .zip(&node.visits)
@@ -275,12 +285,15 @@ impl Plan {
         &self,
         node: &Node,
         cfg: &LocalizerConfig,
+        zone: Option<&Zone>,
         fold: &BitRow,
         rest: &BitRow,
     ) -> Result<Self> {
         Ok(match self {
             Self::Predicted { .. } => Self::Predicted {
-                model: visibility::fit(&node.log, &cfg.model(), Visits::Only(rest))?,
+                model: visibility::in_zone(zone, &node.log, |log| {
+                    visibility::fit(log, &cfg.model(), Visits::Only(rest))
+                })?,
                 references: ReferenceVisits::of(&node.log, Visits::Only(rest))?,
             },
             // Which appearances are likely is not learnt again.

@@ -9,7 +9,7 @@ use unicode_normalization::UnicodeNormalization;
 use super::limits::MAX_TEXT_BYTES;
 use crate::feature::{Features, Rect};
 use fremen::error::{Error, ErrorKind, Result};
-use fremen::time::Time;
+use fremen::time::{Time, Zone};
 
 /// Position of a node in [`Snapshot::nodes`](super::Snapshot::nodes): a local number, never stored.
 #[derive(
@@ -151,6 +151,9 @@ pub struct Edge {
     pub name: String,
 }
 
+/// The preset that is as published, to the letter.
+const LITERAL_PRESET: &str = "lttl";
+
 /// What holds for the whole map.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MapMeta {
@@ -178,6 +181,27 @@ impl MapMeta {
             crop: None,
             preset: preset.into(),
             zone: None,
+        }
+    }
+
+    /// The zone by whose clocks the rhythms of places are learnt and predicted; none with the preset
+    /// `lttl`, which is as published and counts UTC.
+    ///
+    /// # Errors
+    ///
+    /// [`ErrorKind::Config`] if this machine knows no zone of that name.
+    pub fn civil_zone(&self) -> Result<Option<Zone>> {
+        match &self.zone {
+            Some(name) if self.preset != LITERAL_PRESET => match Zone::new(name) {
+                Ok(zone) => Ok(Some(zone)),
+                Err(cause) => Err(Error::new(
+                    ErrorKind::Config,
+                    format!("this machine does not know the map's time zone, `{name}`"),
+                )
+                .with_help("install the system's time zone data (Debian, Ubuntu: tzdata)")
+                .with_source(cause)),
+            },
+            _ => Ok(None),
         }
     }
 

@@ -46,6 +46,7 @@ fn sources() -> impl Iterator<Item = (String, String)> {
         "bindings/python/src",
         "src",
         "crates/cli/src",
+        "crates/explore/src",
         "crates/fremen/src",
         "crates/grid/src",
         "crates/store/src",

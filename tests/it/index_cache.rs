@@ -392,3 +392,42 @@ fn an_index_cache_has_the_rights_of_its_map_and_is_refused_with_others() {
     }
     drop(map);
 }
+
+/// Rhythms are those of the clocks on walls where the map has a zone, but for the preset that is
+/// as published, and the cache keeps them.
+#[test]
+fn the_zone_of_a_map_says_by_whose_clocks_it_is_predicted() {
+    let (folder, ..) = stored(1);
+    let in_zone = |name: &str, preset: &str, zone: Option<&str>| {
+        let mut snapshot = map(1);
+        preset.clone_into(&mut snapshot.meta.preset);
+        snapshot.meta.zone = zone.map(str::to_owned);
+        let path = folder.path().join(name);
+        Map::create_from(&path, &snapshot).expect("a new file");
+        path
+    };
+    let probabilities = |path: &Path, cache| {
+        let localizer = Localizer::open_with(path, cfg(), cache).expect("fits");
+        let model = localizer.model(NodeId(0)).expect("is predicted");
+        let mut p = vec![0.0; NUM_FEATURES];
+        model.predict_into(Time::from_s(1_710_000_000), &mut p);
+        p
+    };
+    let utc = in_zone("utc.map", "default", None);
+    let tokyo = in_zone("tokyo.map", "default", Some("Asia/Tokyo"));
+    let literal = in_zone("literal.map", "lttl", Some("Asia/Tokyo"));
+    let never = |path: &Path| probabilities(path, IndexCache::Never);
+    assert_ne!(never(&utc), never(&tokyo), "phases of a day lie elsewhere");
+    assert_eq!(never(&utc), never(&literal));
+    let fresh = probabilities(&tokyo, IndexCache::Always);
+    assert_eq!(fresh, never(&tokyo));
+    assert_eq!(
+        fresh,
+        probabilities(&tokyo, IndexCache::Always),
+        "from the cache"
+    );
+
+    let nowhere = in_zone("nowhere.map", "default", Some("Europe/Atlantis"));
+    let error = Localizer::open_with(&nowhere, cfg(), IndexCache::Never).expect_err("sunk");
+    assert!(error.to_string().contains("tzdata"), "{error}");
+}

@@ -8,7 +8,6 @@ use chronotope::map::{
     AppearanceUse, Generation, Map, Node, NodeId, Quarantine, SessionId, Snapshot, VerifyReport,
 };
 use chronotope::predict::PredictedMap;
-use chronotope::visibility::{Visits, fit_cautious};
 use chronotope::{Result, Time};
 use serde_json::{Value, json};
 
@@ -181,7 +180,7 @@ impl Predicted {
         let mut predicted = PredictedMap::new();
         predicted.predict(model, time, localizer.cfg().selection());
         let node = localizer.snapshot().node(id);
-        let sure = fit_cautious(&node.log, localizer.cfg().visibility(), Visits::All)?;
+        let sure = localizer.cautious_model(id)?;
         let mut this = Self {
             place: node.key.as_str().to_owned(),
             time,

@@ -142,12 +142,6 @@ pub(super) fn run(args: &BuildArgs, out: &mut Output) -> Result<Outcome> {
     interrupt::watch()?;
     let cfg = training(args.preset, config.learn, args.commits, &args.reading);
     let training = Training::to_build(data, map, &cfg)?;
-    if let Some(zone) = training.zone() {
-        note!(
-            "note: the map keeps its zone, {zone}, but rhythms of its places are those of UTC: when \
-             summer time begins or ends they are an hour off until they are learnt anew"
-        );
-    }
     Build::new(training, map.clone()).run(out)
 }
 

@@ -16,7 +16,6 @@ use chronotope::localize::{Localizer, Method, Preset};
 use chronotope::map::{Map, NodeId, PlaceKey, Snapshot};
 use chronotope::predict::{PredictedMap, Selection};
 use chronotope::time::Time;
-use chronotope::visibility::{Visits, fit_cautious};
 
 /// Show which features of each place are most likely visible at a time.
 #[derive(Debug, Args)]
@@ -76,7 +75,8 @@ pub(super) fn run(args: &PredictArgs, out: &mut Output) -> Result<Outcome> {
         };
         predicted.predict(model, time, localizer.cfg().selection());
         let node = snapshot.node(id);
-        let sure = fit_cautious(&node.log, localizer.cfg().visibility(), Visits::All)
+        let sure = localizer
+            .cautious_model(id)
             .map_err(|error| error.with_path(map.path()))?;
         // The p that places are recognised by, and the interval of what the visits bear out.
         let features = || {

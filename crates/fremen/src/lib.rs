@@ -28,6 +28,7 @@
 //! | [`time`] | when? |
 //! | [`spectrum`] | which rhythms are in this 0/1 history? |
 //! | [`visibility`] | will it be visible at time t? (many states that share their observation times) |
+//! | [`online`] | what is believed of states that are looked at now and then, one look after the other? |
 //! | [`series`] | when was one state 1, when was it 0, and what follows from that? |
 //!
 //! Each names only those above it. None knows what a state means: there are no pixels, places or
@@ -51,6 +52,7 @@
 
 pub mod error;
 pub mod file;
+pub mod online;
 pub mod series;
 pub mod spectrum;
 pub mod time;

@@ -14,6 +14,8 @@
 //! | [`temporal`] | what will the world look like at time t? |
 //! | [`exchange`] | how are maps read that others wrote, and written so that others read them? |
 //! | [`mod@file`] | how is a grid kept in a file, whatever happens to the machine? |
+//! | [`compress`] | in how few bytes can a grid be kept? |
+//! | [`picture`] | what does a grid look like? |
 //! | [`random`] | which number comes next, the same on every run and in every thread? |
 //! | [`pose`] | where does the robot stand in the plane, and where does it look? |
 //! | [`scan`] | what does a planar laser say about cells? |
@@ -41,12 +43,14 @@
 //!   mapping in changing environments using the frequency map enhancement. IROS 2016.
 
 pub mod cells;
+pub mod compress;
 pub mod exchange;
 pub mod experiment;
 pub mod file;
 pub mod history;
 pub mod localize;
 pub mod model;
+pub mod picture;
 pub mod plan;
 pub mod pose;
 pub mod random;
@@ -60,5 +64,5 @@ pub use cells::{CellState, GridSpec, OccupancyMap, Patch, Thresholds};
 pub use file::GridFile;
 pub use fremen::{Error, ErrorKind, Result, Time};
 pub use history::{FrameStream, History, Outcome, Verdict};
-pub use model::{CellModel, GridConfig};
+pub use model::{CellModel, Errors, GridConfig};
 pub use temporal::{Explanation, FittedGrid, TemporalGrid};

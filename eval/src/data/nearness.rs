@@ -235,6 +235,7 @@ mod tests {
         Dataset {
             name: "walk".into(),
             clock: Clock::Real,
+            zone: None,
             entries,
             edges: Vec::new(),
             poses: BTreeMap::new(),

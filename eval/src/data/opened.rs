@@ -79,6 +79,7 @@ fn both(learnt: Dataset, queried: Dataset) -> Dataset {
             (Clock::Real, Clock::Real) => Clock::Real,
             _ => Clock::None,
         },
+        zone: learnt.zone.clone(),
         entries: Vec::new(),
         edges: learnt.edges.clone(),
         poses: queried.poses.clone(),

@@ -50,11 +50,15 @@ pub(crate) fn learn(
     arm: &Arm,
     times: &[Time],
 ) -> Result<Arc<Snapshot>> {
-    let meta = MapMeta::new(
-        derived_uuid(&data.dataset.name),
-        "evaluation",
-        arm.preset.name(),
-    );
+    let meta = MapMeta {
+        // Counted visits have no clocks.
+        zone: (data.dataset.zone.clone()).filter(|_| arm.visit_clock_s.is_none()),
+        ..MapMeta::new(
+            derived_uuid(&data.dataset.name),
+            "evaluation",
+            arm.preset.name(),
+        )
+    };
     let cfg = LearnConfig::preset(arm.preset).with_keep_appearances(KeepAppearances::All);
     let mut learner = Learner::new(cfg, meta);
     for &index in &fold.learn {

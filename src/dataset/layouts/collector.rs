@@ -189,6 +189,10 @@ impl<'a> Collector<'a> {
         Ok(Dataset {
             name: self.manifest.name.clone(),
             clock: self.manifest.time.clock,
+            zone: match &self.options.zone {
+                Some(zone) => Some(zone.name().to_owned()),
+                None => self.manifest.time.zone.clone(),
+            },
             image_size: self
                 .manifest
                 .image_size

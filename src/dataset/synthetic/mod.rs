@@ -254,6 +254,7 @@ impl World {
         Dataset {
             name: name.to_owned(),
             clock: Clock::Real,
+            zone: None,
             image_size: None,
             entries,
             edges,

@@ -304,7 +304,8 @@ impl HeldOutPlace {
                 (0..fold.len())
                     .filter(|&visit| !fold.get(visit))
                     .for_each(|visit| rest.set(visit));
-                plan.without(place, &map.cfg, fold, &rest).map(Some)
+                plan.without(place, &map.cfg, map.zone.as_ref(), fold, &rest)
+                    .map(Some)
             })
             .collect::<Result<_>>()?;
         Ok(Self { folds, plans })

@@ -77,7 +77,7 @@ impl Calibration {
                 (map.snapshot.nodes.iter())
                     .map(|node| {
                         let cfg = map.cfg.clone().with_method(EVERYTHING);
-                        Plan::of(node, &cfg).map(Arc::new)
+                        Plan::of(node, &cfg, map.zone.as_ref()).map(Arc::new)
                     })
                     .collect::<Result<_>>()?,
             ),

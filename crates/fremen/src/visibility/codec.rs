@@ -21,6 +21,7 @@ pub(super) enum Kind {
     Markov,
     Persistent,
     Cautious,
+    Civil,
 }
 
 /// The bytes of a model of `kind`, whose own part `write` writes.

@@ -2,7 +2,7 @@
 
 use super::codec::TAG;
 use super::{
-    Cautious, Fremen, Histogram, Logistic, Markov, Mean, Pergam, Persistent, VisibilityModel,
+    Cautious, Civil, Fremen, Histogram, Logistic, Markov, Mean, Pergam, Persistent, VisibilityModel,
 };
 use crate::error::Result;
 use crate::spectrum::Reader;
@@ -35,6 +35,10 @@ fn decode_nested(bytes: &[u8], depth: usize) -> Result<Box<dyn VisibilityModel>>
         7 if depth < MAX_DEPTH => {
             let of = decode_nested(reader.bytes()?, depth + 1)?;
             Box::new(Cautious::read(&mut reader, of)?)
+        }
+        8 if depth < MAX_DEPTH => {
+            let of = decode_nested(reader.bytes()?, depth + 1)?;
+            Box::new(Civil::read(&mut reader, of)?)
         }
         kind => return Err(reader.impossible(&format!("there is no kind {kind} of models"))),
     };

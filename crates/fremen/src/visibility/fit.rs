@@ -4,10 +4,11 @@ use super::config::{HeldOut, ModelConfig, VisibilityConfig};
 use super::evidence::Evidence;
 use super::natural::Natural;
 use super::shared_rhythms::SharedRhythms;
-use super::{BitRow, HistoryLog, VisibilityModel};
+use super::{BitRow, Civil, HistoryLog, VisibilityModel};
 use super::{cautious, fremen, histogram, logistic, markov, mean, pergam, persistent};
 use crate::error::{Error, ErrorKind, Result};
 use crate::spectrum::CandidatePeriods;
+use crate::time::Zone;
 
 /// The visits that a model is fitted from.
 #[derive(Clone, Copy, Debug)]
@@ -72,6 +73,36 @@ pub fn fit_cautious(
         before_birth: cfg.before_birth(),
     };
     Ok(Box::new(cautious::fit(&evidence, model)))
+}
+
+/// What `fit` learns from a log by the clocks of `zone`, as a model of moments ([`Civil`]); without
+/// a zone, what it learns from the log itself.
+///
+/// ```
+/// # fn main() -> fremen::Result<()> {
+/// use fremen::time::Zone;
+/// use fremen::visibility::{BitRow, HistoryLog, VisibilityConfig, Visits, fit, in_zone};
+///
+/// let log = HistoryLog::new();
+/// let zone = Zone::new("Europe/Prague")?;
+/// let cfg = VisibilityConfig::natural();
+/// let model = in_zone(Some(&zone), &log, |log| fit(log, &cfg, Visits::All))?;
+/// assert_eq!(model.num_features(), 0);
+/// # Ok(())
+/// # }
+/// ```
+pub fn in_zone(
+    zone: Option<&Zone>,
+    log: &HistoryLog,
+    fit: impl FnOnce(&HistoryLog) -> Result<Box<dyn VisibilityModel>>,
+) -> Result<Box<dyn VisibilityModel>> {
+    match zone {
+        None => fit(log),
+        Some(zone) => {
+            let model = fit(&log.by_clock(|time| zone.wall(time)))?;
+            Ok(Box::new(Civil::new(model, zone.clone())))
+        }
+    }
 }
 
 fn fit_model(

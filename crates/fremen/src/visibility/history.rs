@@ -199,6 +199,15 @@ impl HistoryLog {
         &self.times
     }
 
+    /// The same visits at the times of another clock.
+    #[must_use]
+    pub fn by_clock(&self, clock: impl Fn(Time) -> Time) -> Self {
+        Self {
+            times: self.times.iter().map(|&time| clock(time)).collect(),
+            ..self.clone()
+        }
+    }
+
     /// The visit at which `feature` was first seen.
     ///
     /// # Panics

@@ -65,6 +65,7 @@
 
 mod cautious;
 mod chance;
+mod civil;
 mod codec;
 mod config;
 mod coverage;
@@ -85,9 +86,10 @@ mod persistent;
 mod shared_rhythms;
 
 pub use cautious::Cautious;
+pub use civil::Civil;
 pub use config::{BeforeBirth, Guards, HeldOut, ModelConfig, Order, Split, VisibilityConfig};
 pub use decode::decode;
-pub use fit::{Visits, fit, fit_cautious};
+pub use fit::{Visits, fit, fit_cautious, in_zone};
 pub use fremen::Fremen;
 pub use histogram::Histogram;
 pub use history::{BitRow, FeatureState, HistoryLog};

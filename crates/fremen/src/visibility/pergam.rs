@@ -76,24 +76,7 @@ pub(super) fn fit(
             observed[feature * num_bins + part] += 1;
         });
     }
-    let mut gaussians = Vec::with_capacity(num_features * order);
-    let mut profile = vec![0.0; num_bins];
-    for (feature, &mean) in means.iter().enumerate() {
-        let row = feature * num_bins..(feature + 1) * num_bins;
-        let parts = seen[row.clone()].iter().zip(&observed[row]);
-        for (share, (&seen, &observed)) in profile.iter_mut().zip(parts) {
-            *share = match observed {
-                0 => mean,
-                _ => f64::from(seen) / f64::from(observed),
-            };
-        }
-        gaussians.extend(mixture(&profile, order));
-    }
-    Pergam {
-        period,
-        order,
-        gaussians,
-    }
+    Pergam::of_profiles(period, order, &seen, &observed, &means)
 }
 
 /// Expectation maximisation on a profile taken as a density.
@@ -156,6 +139,47 @@ fn mixture(profile: &[f64], order: usize) -> Vec<Gaussian> {
 }
 
 impl Pergam {
+    /// Of features that are observed together: looks in each part of the cycle, and how often each
+    /// feature was seen there, one feature after the other.
+    pub(crate) fn of_counts(period: Period, order: usize, seen: &[u32], observed: &[u32]) -> Self {
+        let num_bins = observed.len();
+        let total = |counts: &[u32]| counts.iter().map(|&count| f64::from(count)).sum::<f64>();
+        let looks = total(observed).max(1.0);
+        let rows = seen.chunks_exact(num_bins);
+        let means: Vec<f64> = rows.map(|row| total(row) / looks).collect();
+        Self::of_profiles(period, order, seen, &observed.repeat(means.len()), &means)
+    }
+
+    /// `seen` and `observed` of one feature's parts after the other; a part without observations
+    /// has the feature's mean.
+    fn of_profiles(
+        period: Period,
+        order: usize,
+        seen: &[u32],
+        observed: &[u32],
+        means: &[f64],
+    ) -> Self {
+        let num_bins = seen.len() / means.len().max(1);
+        let mut gaussians = Vec::with_capacity(means.len() * order);
+        let mut profile = vec![0.0; num_bins];
+        for (feature, &mean) in means.iter().enumerate() {
+            let row = feature * num_bins..(feature + 1) * num_bins;
+            let parts = seen[row.clone()].iter().zip(&observed[row]);
+            for (share, (&seen, &observed)) in profile.iter_mut().zip(parts) {
+                *share = match observed {
+                    0 => mean,
+                    _ => f64::from(seen) / f64::from(observed),
+                };
+            }
+            gaussians.extend(mixture(&profile, order));
+        }
+        Self {
+            period,
+            order,
+            gaussians,
+        }
+    }
+
     fn write(&self, writer: &mut Writer) {
         writer.varint(self.period.as_us() as u64);
         writer.varint(self.order as u64);

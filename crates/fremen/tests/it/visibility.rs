@@ -5,9 +5,10 @@
 use std::f64::consts::TAU;
 
 use fremen::spectrum::CandidatePeriods;
+use fremen::time::Zone;
 use fremen::visibility::{
     BeforeBirth, BitRow, FeatureState, Guards, HeldOut, HistoryLog, ModelConfig, Order, Split,
-    VisibilityConfig, VisibilityModel, Visits, fit,
+    VisibilityConfig, VisibilityModel, Visits, decode, fit, in_zone,
 };
 use fremen::{Period, Time};
 use proptest::prelude::*;
@@ -598,4 +599,67 @@ fn a_selection_of_another_length_is_refused() {
     )
     .expect_err("one bit for three visits");
     assert_eq!(error.kind(), fremen::ErrorKind::Shape);
+}
+
+/// An office of 9 to 17 h by the clocks of Prague, looked at every half hour from `start` on.
+fn office(start: &str, num_days: i64) -> HistoryLog {
+    let zone = Zone::new("Europe/Prague").expect("known");
+    let start = Time::parse(start).expect("a time");
+    let mut log = HistoryLog::new();
+    for half_hour in 0..num_days * 48 {
+        let time = start.plus_us(half_hour * HOUR_US / 2);
+        let us_of_day = zone.wall(time).as_us().rem_euclid(24 * HOUR_US);
+        let mut seen = BitRow::zeros(1);
+        if (9 * HOUR_US..17 * HOUR_US).contains(&us_of_day) {
+            seen.set(0);
+        }
+        log.push_visit(time, seen, None).expect("rows grow");
+    }
+    log
+}
+
+#[test]
+fn an_office_keeps_its_hours_when_clocks_change() {
+    let zone = Zone::new("Europe/Prague").expect("known");
+    // Over the end of summer time, and over its beginning; a month later at 16:30 and 8:30 there.
+    for (start, open, closed) in [
+        (
+            "2024-08-01T00:00:00Z",
+            "2024-11-25T15:30:00Z",
+            "2024-11-25T07:30:00Z",
+        ),
+        (
+            "2024-01-08T00:00:00Z",
+            "2024-04-29T14:30:00Z",
+            "2024-04-29T06:30:00Z",
+        ),
+    ] {
+        let log = office(start, 96);
+        for cfg in [
+            VisibilityConfig::natural(),
+            VisibilityConfig::fremen(
+                CandidatePeriods::harmonic(Period::DAY, 6).expect("periods"),
+                Order::Fixed(2),
+            ),
+        ] {
+            let fit = |log: &HistoryLog| fit(log, &cfg, Visits::All);
+            let model = in_zone(Some(&zone), &log, fit).expect("fits");
+            let p = |model: &dyn VisibilityModel, at: &str| {
+                model.predict_one(0, Time::parse(at).expect("a time"))
+            };
+            assert!(p(&*model, open) > 0.5, "{start}: {}", p(&*model, open));
+            assert!(p(&*model, closed) < 0.5, "{start}: {}", p(&*model, closed));
+            // Bytes keep the clocks.
+            let again = decode(&model.encode().expect("has bytes")).expect("whole");
+            for at in [open, closed] {
+                assert_eq!(p(&*again, at).to_bits(), p(&*model, at).to_bits());
+            }
+            let without = in_zone(None, &log, fit).expect("fits");
+            assert_eq!(
+                without.encode(),
+                fit(&log).expect("fits").encode(),
+                "without a zone nothing is added"
+            );
+        }
+    }
 }

@@ -13,11 +13,14 @@
 
 mod columns;
 mod config;
+mod errors;
 mod fit;
 mod stats;
 mod tile_model;
 
 pub use config::{CellModel, GridConfig, MAX_ORDER};
+pub use errors::Errors;
+pub(crate) use errors::errors;
 pub(crate) use fit::fit;
 pub(crate) use stats::Stats;
-pub(crate) use tile_model::{Moment, TileModel};
+pub(crate) use tile_model::{CellRecord, Moment, Term, TileModel};

@@ -9,6 +9,7 @@ mod drive;
 mod habit;
 mod laser;
 mod office;
+mod office_3d;
 mod people;
 mod scene;
 
@@ -17,4 +18,5 @@ pub use drive::{Drive, DriveConfig, drive_along, resample};
 pub use habit::{Habit, MONDAY, day_of, hour_of, is_weekend};
 pub use laser::Laser;
 pub use office::{Layout, Office};
+pub use office_3d::{Frames, Office3d};
 pub use scene::Scene;

@@ -1,0 +1,285 @@
+//! Where now? The loop of a robot that explores, day after day.
+
+use fremen::online::OnlineConfig;
+use fremen::{Period, Result, Time};
+
+use crate::beliefs::Beliefs;
+use crate::explored::Explored;
+use crate::informed::{greedy, monte_carlo};
+use crate::novelty::{NOVEL_BITS, surprise_bits};
+use crate::outlook::Outlook;
+use crate::plan::{Plan, Reason, Share, Visit};
+use crate::random::Random;
+use crate::slots::Slots;
+use crate::strategy::Strategy;
+use crate::uninformed::{random, round_robin};
+use crate::worth::Worth;
+
+/// How a robot explores.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExploreConfig {
+    strategy: Strategy,
+    share: Share,
+    seed: u64,
+    slot: Period,
+    floor_bits: f64,
+}
+
+impl ExploreConfig {
+    /// This strategy, half of the time, slots of ten minutes, seed 0.
+    pub fn new(strategy: Strategy) -> Result<Self> {
+        Ok(Self {
+            strategy,
+            share: Share::new(0.5)?,
+            seed: 0,
+            slot: crate::plan::usual_slot()?,
+            floor_bits: 0.02,
+        })
+    }
+
+    /// So much of the slots at most.
+    #[must_use]
+    pub fn with_share(mut self, share: Share) -> Self {
+        self.share = share;
+        self
+    }
+
+    /// Whatever is drawn follows from this.
+    #[must_use]
+    pub fn with_seed(mut self, seed: u64) -> Self {
+        self.seed = seed;
+        self
+    }
+
+    /// How long a visit takes.
+    #[must_use]
+    pub fn with_slot(mut self, slot: Period) -> Self {
+        self.slot = slot;
+        self
+    }
+
+    /// The strategy.
+    pub fn strategy(&self) -> Strategy {
+        self.strategy
+    }
+
+    /// The share of the slots.
+    pub fn share(&self) -> Share {
+        self.share
+    }
+
+    /// The length of a slot.
+    pub fn slot(&self) -> Period {
+        self.slot
+    }
+}
+
+/// Plans, goes on from what was seen, and learns.
+#[derive(Debug)]
+pub struct Explorer {
+    cfg: ExploreConfig,
+    beliefs: Beliefs,
+    /// What is expected of the next minutes, for novelty.
+    expected: Option<Beliefs>,
+    random: Random,
+    turn: usize,
+    present: Option<Present>,
+    num_rerouted: usize,
+}
+
+/// The stretch of time that is planned.
+#[derive(Debug)]
+struct Present {
+    plan: Plan,
+    /// For plans that are made anew after every visit.
+    outlook: Option<Outlook>,
+    /// Visits that are left.
+    budget: usize,
+    /// Decides between looks that are worth the same.
+    nudge_seed: u64,
+    /// The visit under way, not yet taken up.
+    visited: Option<Visit>,
+}
+
+impl Explorer {
+    /// A robot that knows the places' names and numbers of states, and nothing else.
+    pub fn new<'a>(
+        places: impl IntoIterator<Item = (&'a str, usize)>,
+        model: &OnlineConfig,
+        cfg: ExploreConfig,
+    ) -> Self {
+        let places: Vec<_> = places.into_iter().collect();
+        let expected = (cfg.strategy == Strategy::Novelty)
+            .then(|| Beliefs::new(places.iter().copied(), &OnlineConfig::short_term()));
+        Self {
+            beliefs: Beliefs::new(places, model),
+            expected,
+            random: Random::new(cfg.seed),
+            turn: 0,
+            present: None,
+            num_rerouted: 0,
+            cfg,
+        }
+    }
+
+    /// What it believes.
+    pub fn beliefs(&self) -> &Beliefs {
+        &self.beliefs
+    }
+
+    /// The plan as it stands.
+    pub fn present_plan(&self) -> Option<&Plan> {
+        self.present.as_ref().map(|present| &present.plan)
+    }
+
+    /// Draws conclusions from what was seen, and plans the `num_slots` slots from `start` on.
+    pub fn plan(&mut self, start: Time, num_slots: usize) -> Result<&Plan> {
+        self.beliefs.learn()?;
+        let slots = Slots::new(start, self.cfg.slot, num_slots)?;
+        let budget = self.cfg.share.budget(&slots);
+        let nudge_seed = self.random.next_u64();
+        let mut outlook = None;
+        let plan = if self.cfg.strategy == Strategy::Information {
+            let outlook = outlook.insert(Outlook::new(&self.beliefs, &slots)?);
+            let mut plan = Plan::empty(slots);
+            choose(&mut plan, outlook, &self.beliefs, budget, nudge_seed, 0);
+            plan
+        } else {
+            let worth = Worth::new(&self.beliefs, &slots)?;
+            by_worth(&self.cfg, slots, &worth, &mut self.turn, &mut self.random)
+        };
+        let present = self.present.insert(Present {
+            plan,
+            outlook,
+            budget,
+            nudge_seed,
+            visited: None,
+        });
+        Ok(&present.plan)
+    }
+
+    /// Where to be in `slot` of the present plan, which may have changed by what was seen since.
+    /// Slots are asked for in order, and each once.
+    pub fn next(&mut self, slot: usize) -> Result<Option<Visit>> {
+        let Some(present) = &mut self.present else {
+            return Ok(None);
+        };
+        if let (Some(outlook), Some(visit)) = (&mut present.outlook, present.visited.take()) {
+            outlook.visited(&self.beliefs, visit.place, visit.slot)?;
+            let before = present.plan.visit(slot).map(|visit| visit.place);
+            let Present {
+                plan,
+                budget,
+                nudge_seed,
+                ..
+            } = present;
+            choose(plan, outlook, &self.beliefs, *budget, *nudge_seed, slot);
+            let after = plan.visit(slot).map(|visit| visit.place);
+            self.num_rerouted += usize::from(before != after);
+        }
+        if let Some(expected) = &self.expected
+            && let Some((place, bits)) = most_novel(&self.beliefs, expected, &present.plan, slot)?
+        {
+            self.num_rerouted += usize::from(go_back(&mut present.plan, slot, place, bits));
+        }
+        let visit = present.plan.visit(slot).copied();
+        present.visited = visit;
+        present.budget = present.budget.saturating_sub(usize::from(visit.is_some()));
+        Ok(visit)
+    }
+
+    /// Takes what was seen.
+    pub fn observe(&mut self, place: usize, time: Time, states: &[bool]) -> Result<()> {
+        if let Some(expected) = &mut self.expected {
+            expected.observe(place, time, states)?;
+        }
+        self.beliefs.observe(place, time, states)
+    }
+
+    /// How often a visit was changed by what was seen since the plan was made.
+    pub fn num_rerouted(&self) -> usize {
+        self.num_rerouted
+    }
+}
+
+/// Plans of the strategies that look at the uncertainty of states, or at nothing.
+fn by_worth(
+    cfg: &ExploreConfig,
+    slots: Slots,
+    worth: &Worth,
+    turn: &mut usize,
+    draw: &mut Random,
+) -> Plan {
+    let budget = cfg.share.budget(&slots);
+    match cfg.strategy {
+        Strategy::Greedy => greedy(slots, budget, worth, draw),
+        Strategy::RoundRobin => round_robin(slots, budget, worth, turn),
+        Strategy::Random => random(slots, budget, worth, draw),
+        Strategy::MonteCarlo | Strategy::Novelty | Strategy::Information => {
+            monte_carlo(slots, budget, worth, cfg.floor_bits, draw)
+        }
+    }
+}
+
+/// Looks that are worth the same to this share are chosen between by the seed.
+const NUDGE: f64 = 0.01;
+
+/// Plans the slots from `from` on anew by what a look leaves behind.
+fn choose(
+    plan: &mut Plan,
+    outlook: &Outlook,
+    beliefs: &Beliefs,
+    budget: usize,
+    seed: u64,
+    from: usize,
+) {
+    let nudge = |place: usize, slot: usize| {
+        let at = ((place as u64) << 32) | slot as u64;
+        NUDGE * Random::new(seed ^ at.wrapping_mul(0xD6E8_FEB8_6659_FD93)).unit()
+    };
+    for slot in from..plan.slots().len() {
+        plan.clear(slot);
+    }
+    for chosen in outlook.choose(from, budget, nudge) {
+        let reason = outlook.reason(beliefs, &chosen);
+        let info_bits = reason.bits_left().unwrap_or_default();
+        plan.set(chosen.slot, chosen.place, info_bits, reason);
+    }
+}
+
+/// The place that was the greatest surprise lately, if any was.
+fn most_novel(
+    beliefs: &Beliefs,
+    expected: &Beliefs,
+    plan: &Plan,
+    slot: usize,
+) -> Result<Option<(usize, f64)>> {
+    let time = plan.slots().middle(slot);
+    let mut novel: Option<(usize, f64)> = None;
+    for place in 0..beliefs.num_places() {
+        let bits = surprise_bits(beliefs, expected, place, time)?;
+        if bits > NOVEL_BITS && novel.is_none_or(|(_, most)| bits > most) {
+            novel = Some((place, bits));
+        }
+    }
+    Ok(novel)
+}
+
+/// Whether the visit of `slot` was changed to go back to `place`. Where the slot was to be spent on
+/// other tasks, the later visit that is worth least makes room, so that the share stays what it is.
+fn go_back(plan: &mut Plan, slot: usize, place: usize, bits: f64) -> bool {
+    match plan.visit(slot) {
+        Some(visit) if visit.place == place => return false,
+        Some(_) => {}
+        None => {
+            let later = plan.visits().filter(|visit| visit.slot > slot);
+            let least = later.min_by(|a, b| a.info_bits.total_cmp(&b.info_bits));
+            match least.map(|visit| visit.slot) {
+                Some(least) => plan.clear(least),
+                None => return false,
+            }
+        }
+    }
+    plan.set(slot, place, bits, Reason::Surprise { bits });
+    true
+}

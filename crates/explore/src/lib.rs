@@ -1,0 +1,75 @@
+//! When and where to look next, so that a model of a changing world stays true?
+//!
+//! A robot cannot look everywhere at all times. It learns when doors are open, where people are and
+//! which features of a view can be seen from the few looks that it takes, and what it has learnt
+//! says where the next look teaches most (J. M. Santos, T. Krajnik, T. Duckett: Spatio-temporal
+//! exploration strategies for long-term autonomy of mobile robots, Robotics and Autonomous Systems,
+//! online 2016; here: RAS 2016).
+//!
+//! ```
+//! use fremen::{Time, online::OnlineConfig};
+//! use fremen_explore::{ExploreConfig, Explorer, Strategy};
+//!
+//! # fn main() -> fremen::Result<()> {
+//! let rooms = [("kitchen", 1), ("office", 1), ("corridor", 1)];
+//! let cfg = ExploreConfig::new(Strategy::default())?; // half of the time, slots of ten minutes
+//! let mut robot = Explorer::new(rooms, &OnlineConfig::default(), cfg);
+//! let mut midnight = Time::from_s(0);
+//! for day in 0..2 {
+//!     robot.plan(midnight, 144)?; // learns, then plans
+//!     for slot in 0..144 {
+//!         let Some(visit) = robot.next(slot)? else { continue }; // other tasks
+//!         let somebody_is_here = visit.place == 0 && (48..60).contains(&slot);
+//!         robot.observe(visit.place, visit.start, &[somebody_is_here])?;
+//!     }
+//!     midnight = midnight.plus_us(86_400_000_000);
+//! }
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # What a visit is worth
+//!
+//! The paper's strategies go where the states are least certain ([`Worth`], eq. 10). A tossed coin
+//! is never certain, and there is nothing to learn from it. [`Strategy::Information`], the default,
+//! counts what a look leaves behind: how much less is wrong *after* it, because states stay for a
+//! while as they were seen (how long is measured, [`fremen::online`]), and how much better the model
+//! is known. A plan is made for a day by taking the look that adds most, then the one that adds most
+//! to it, and is made anew after each visit.
+//!
+//! # What was measured
+//!
+//! One person in ten rooms for 16 weeks, 72 visits of ten minutes a day, error over rooms and minutes
+//! (`examples/parity.rs` prints all of the paper's table 1 next to ours): published best 5.7 %; the
+//! default here 3.9 %.
+//!
+//! # Files
+//!
+//! `explored` says what can be explored; `beliefs` learns it; `worth` and `outlook` say what a look
+//! is worth; `uninformed`, `informed`, `novelty` and `explorer` choose; `plan` is what comes out;
+//! `recording` and `simulate` play a day's work through on data.
+
+mod beliefs;
+mod explored;
+mod explorer;
+mod informed;
+mod novelty;
+mod outlook;
+mod plan;
+mod random;
+mod recording;
+mod simulate;
+mod slots;
+mod strategy;
+mod uninformed;
+mod worth;
+
+pub use beliefs::Beliefs;
+pub use explored::{Explored, Fitted};
+pub use explorer::{ExploreConfig, Explorer};
+pub use plan::{Plan, Reason, Share, Visit};
+pub use recording::Recording;
+pub use simulate::{Outcome, simulate};
+pub use slots::Slots;
+pub use strategy::Strategy;
+pub use worth::{Worth, entropy_bits};

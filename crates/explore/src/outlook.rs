@@ -1,0 +1,307 @@
+//! What will be known of each place in each slot, and what would a look add to that?
+//!
+//! Not the uncertainty of the moment counts (a coin that is tossed has one bit at every look and
+//! teaches nothing), but what a look leaves behind:
+//!
+//! - *of the states*: with `kept(a)` the share of a surprise that is still there after a time a, a
+//!   look at time s takes `p(s) (1 - p(s)) kept(t - s)^2` off the expected squared error of each
+//!   state at every later time t (law of total variance). Summed over the slots until the next
+//!   look, and at most a day;
+//! - *of the model*: one look at a state whose p rests on n independent looks tells
+//!   `1 / (2 (n + 1) ln 2)` bits of p (the mutual information of one Bernoulli draw and its
+//!   parameter, to second order), whether p is near 1/2 or not.
+//!
+//! `4 p (1 - p)` stands for the uncertainty of a state: 0 to 1 as bits are, and what the squared
+//! error counts.
+
+use std::f64::consts::LN_2;
+
+use fremen::{Result, Time};
+
+use crate::explored::{Explored, check_p};
+use crate::plan::Reason;
+use crate::slots::Slots;
+use crate::worth::entropy_bits;
+
+/// What a bit of the model counts beside a state that is known for one slot. Chosen on Aruba: 1
+/// gives the same error, with more spread from seed to seed.
+const MODEL_WEIGHT: f64 = 3.0;
+
+/// Looks at about the same hour: within this time.
+const SAME_HOUR_S: f64 = 3_600.0;
+
+/// What a look leaves behind is counted for so long.
+const HORIZON_S: f64 = 86_400.0;
+
+/// The future of all places, slot by slot, with what is known now.
+#[derive(Clone, Debug)]
+pub(crate) struct Outlook {
+    slots: Slots,
+    places: Vec<PlaceOutlook>,
+    /// Slots that are about the same hour.
+    same_hour: usize,
+}
+
+/// The future of one place.
+#[derive(Clone, Debug)]
+struct PlaceOutlook {
+    num_states: f64,
+    /// `sum of 4 p (1 - p)` in each slot, the last look counted.
+    now: Vec<f64>,
+    /// The same as if nobody had looked lately; `None` if it is the same.
+    usual: Option<Vec<f64>>,
+    /// Looks that the model rests on.
+    looks: Vec<f64>,
+    /// `kept^2` after so many slots, and its sum over 1 to so many slots.
+    kept: Vec<f64>,
+    stays: Vec<f64>,
+    /// Slots of visits that were made already, ascending.
+    done: Vec<usize>,
+}
+
+/// What a look leaves behind.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Gain {
+    /// `sum of 4 p (1 - p)` at the look.
+    uncertainty: f64,
+    /// For so many slots.
+    slots: f64,
+    /// Bits of the model.
+    model_bits: f64,
+}
+
+impl Gain {
+    fn value(self) -> f64 {
+        self.uncertainty * self.slots + MODEL_WEIGHT * self.model_bits
+    }
+}
+
+impl Outlook {
+    /// Fails where a model gives no probability.
+    pub(crate) fn new(explored: &dyn Explored, slots: &Slots) -> Result<Self> {
+        let places = (0..explored.num_places())
+            .map(|place| PlaceOutlook::new(explored, slots, place))
+            .collect::<Result<_>>()?;
+        Ok(Self {
+            slots: *slots,
+            places,
+            same_hour: (SAME_HOUR_S / slots.length().as_s()) as usize,
+        })
+    }
+
+    /// Takes up that `place` was looked at in `slot`, for the slots that come after.
+    pub(crate) fn visited(
+        &mut self,
+        explored: &dyn Explored,
+        place: usize,
+        slot: usize,
+    ) -> Result<()> {
+        let outlook = &mut self.places[place];
+        outlook.done.push(slot);
+        let mut p = vec![0.0; explored.num_states(place)];
+        for later in slot + 1..self.slots.len() {
+            let time = self.slots.middle(later);
+            outlook.now[later] = uncertainty(explored, place, time, &mut p, Which::Now)?;
+        }
+        Ok(())
+    }
+
+    /// What a look in `slot` adds, given other looks that are planned (ascending).
+    fn gain(&self, place: usize, slot: usize, planned: &[usize]) -> Gain {
+        let outlook = &self.places[place];
+        let next = planned.partition_point(|&other| other < slot);
+        let uncertainty = match next.checked_sub(1) {
+            Some(before) => {
+                let usual = outlook.usual.as_ref().unwrap_or(&outlook.now);
+                let age = slot - planned[before];
+                usual[slot] * (1.0 - outlook.kept.get(age).copied().unwrap_or(0.0))
+            }
+            None => outlook.now[slot],
+        };
+        let horizon = outlook.stays.len() - 1;
+        let until = planned.get(next).map_or(horizon, |&other| other - slot);
+        let near = |slots: &[usize]| {
+            let end = slots.partition_point(|&other| other <= slot + self.same_hour);
+            end - slots.partition_point(|&other| other + self.same_hour < slot)
+        };
+        let looks = outlook.looks[slot] + (near(planned) + near(&outlook.done)) as f64;
+        Gain {
+            uncertainty,
+            slots: outlook.stays[until.min(horizon)],
+            model_bits: outlook.num_states / (2.0 * (looks + 1.0) * LN_2),
+        }
+    }
+
+    /// At most `budget` looks in the slots from `from` on, at most one a slot: the look that adds
+    /// most first, then the one that adds most to it, and so on. As what a look adds only falls by
+    /// others, this is within 1 - 1/e of the best, and in practice far nearer.
+    ///
+    /// `nudge` is added to 1 and multiplies what a look at a place in a slot adds, to break ties.
+    /// O(places x slots) and a logarithm for each visit.
+    pub(crate) fn choose(
+        &self,
+        from: usize,
+        budget: usize,
+        nudge: impl Fn(usize, usize) -> f64,
+    ) -> Vec<Chosen> {
+        let value = |place: usize, slot: usize, planned: &[usize]| {
+            let gain = self.gain(place, slot, planned);
+            (gain, gain.value() * (1.0 + nudge(place, slot)))
+        };
+        let mut planned: Vec<Vec<usize>> = vec![Vec::new(); self.places.len()];
+        let mut is_taken = vec![false; self.slots.len()];
+        let mut heap: std::collections::BinaryHeap<Candidate> = (0..self.places.len())
+            .flat_map(|place| (from..self.slots.len()).map(move |slot| (place, slot)))
+            .map(|(place, slot)| Candidate {
+                value: value(place, slot, &[]).1,
+                slot,
+                place,
+                num_planned: 0,
+            })
+            .collect();
+        let mut chosen = Vec::new();
+        while chosen.len() < budget {
+            let Some(best) = heap.pop() else { break };
+            let Candidate { place, slot, .. } = best;
+            if is_taken[slot] {
+                continue;
+            }
+            let (gain, value) = value(place, slot, &planned[place]);
+            if best.num_planned < planned[place].len() {
+                // It was worth that much before other looks were planned.
+                heap.push(Candidate {
+                    value,
+                    num_planned: planned[place].len(),
+                    ..best
+                });
+                continue;
+            }
+            is_taken[slot] = true;
+            let at = planned[place].partition_point(|&other| other < slot);
+            planned[place].insert(at, slot);
+            chosen.push(Chosen { slot, place, gain });
+        }
+        chosen
+    }
+
+    /// Why a look was chosen, in bits: the entropy of the states for as long as it counts, and what
+    /// it tells of the model.
+    pub(crate) fn reason(&self, explored: &dyn Explored, chosen: &Chosen) -> Reason {
+        let time = self.slots.middle(chosen.slot);
+        let mut p = vec![0.0; explored.num_states(chosen.place)];
+        explored.predict_into(chosen.place, time, &mut p);
+        let entropy: f64 = p.iter().map(|&p| entropy_bits(p)).sum();
+        let full: f64 = p.iter().map(|&p| 4.0 * p * (1.0 - p)).sum();
+        // Of what is left of the uncertainty when other looks come first.
+        let share = if full > 0.0 {
+            (chosen.gain.uncertainty / full).min(1.0)
+        } else {
+            0.0
+        };
+        Reason::Teaches {
+            state_bits: entropy * share,
+            slots: chosen.gain.slots,
+            model_bits: chosen.gain.model_bits,
+        }
+    }
+}
+
+/// A look that was chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Chosen {
+    pub(crate) slot: usize,
+    pub(crate) place: usize,
+    gain: Gain,
+}
+
+/// A look that may be chosen; the best is the greatest, the earliest of equals.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Candidate {
+    value: f64,
+    slot: usize,
+    place: usize,
+    num_planned: usize,
+}
+
+impl Eq for Candidate {}
+
+impl PartialOrd for Candidate {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Candidate {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        let later = (other.slot, other.place).cmp(&(self.slot, self.place));
+        self.value.total_cmp(&other.value).then(later)
+    }
+}
+
+impl PlaceOutlook {
+    fn new(explored: &dyn Explored, slots: &Slots, place: usize) -> Result<Self> {
+        let num_states = explored.num_states(place);
+        let mut p = vec![0.0; num_states];
+        let times = || (0..slots.len()).map(|slot| slots.middle(slot));
+        let now = times()
+            .map(|time| uncertainty(explored, place, time, &mut p, Which::Now))
+            .collect::<Result<_>>()?;
+        let usual = match explored.last_look(place) {
+            None => None,
+            Some(_) => Some(
+                times()
+                    .map(|time| uncertainty(explored, place, time, &mut p, Which::Usual))
+                    .collect::<Result<_>>()?,
+            ),
+        };
+        let looks = times()
+            .map(|time| explored.looks(place, time).max(0.0))
+            .collect();
+        let slot_s = slots.length().as_s();
+        let horizon = ((HORIZON_S / slot_s) as usize).clamp(1, slots.len().max(144));
+        let kept: Vec<f64> = (0..=horizon)
+            .map(|age| {
+                explored
+                    .kept(place, age as f64 * slot_s)
+                    .clamp(0.0, 1.0)
+                    .powi(2)
+            })
+            .collect();
+        let mut stays = vec![0.0; horizon + 1];
+        for age in 1..=horizon {
+            stays[age] = stays[age - 1] + kept[age];
+        }
+        Ok(Self {
+            num_states: num_states as f64,
+            now,
+            usual,
+            looks,
+            kept,
+            stays,
+            done: Vec::new(),
+        })
+    }
+}
+
+/// With the last look or without.
+#[derive(Clone, Copy, Debug)]
+enum Which {
+    Now,
+    Usual,
+}
+
+/// `sum of 4 p (1 - p)` by one of the two predictions.
+fn uncertainty(
+    explored: &dyn Explored,
+    place: usize,
+    time: Time,
+    p: &mut [f64],
+    which: Which,
+) -> Result<f64> {
+    match which {
+        Which::Now => explored.predict_into(place, time, p),
+        Which::Usual => explored.usual_into(place, time, p),
+    }
+    check_p(explored, place, time, p)?;
+    Ok(p.iter().map(|&p| 4.0 * p * (1.0 - p)).sum())
+}

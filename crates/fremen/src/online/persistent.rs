@@ -1,0 +1,242 @@
+//! For how long does the last look count?
+//!
+//! `p'(t) = p(t) + w(age) (s_last - p(t))`, as T-RO 2017 eq. 13, but with a w that is measured at
+//! every age instead of assumed to be exponential. Looks are paired with earlier ones of the same
+//! place, one pair for each octave of age, and in each octave
+//!
+//! `w = (sum of (s - p)(s_earlier - p) + prior w_slower) / (sum of (s_earlier - p)^2 + prior)`
+//!
+//! over all states of the place: the least-squares slope of what is seen on what was seen, shrunk
+//! to the octave below it, and never above that. Looks of one stay (ten minutes) are not paired:
+//! what counts is what a stay says of a later one. A coin that is tossed from stay to stay has w = 0
+//! from the first octave on, whatever the time between changes seems to be.
+//!
+//! `Deviation:` T-RO eq. 12 takes the rate of changes between consecutive looks for all ages alike,
+//! so that looks a minute apart decide what is believed hours later.
+
+use std::collections::VecDeque;
+
+use super::counts::LookCount;
+use super::model::OnlineModel;
+use crate::error::Result;
+use crate::time::Time;
+
+/// The first octave is 45 to 90 s; the last ends after six days.
+const FIRST_S: f64 = 45.0;
+const NUM_OCTAVES: usize = 14;
+
+/// What is left after each octave, which never grows: neighbours that say so are one (pool adjacent
+/// violators). Takes what is left and its weight.
+fn pooled(octaves: impl Iterator<Item = (f64, f64)>) -> [f64; NUM_OCTAVES] {
+    let mut steps: Vec<Step> = Vec::with_capacity(NUM_OCTAVES);
+    for (kept, weight) in octaves {
+        let mut step = Step {
+            kept,
+            weight,
+            octaves: 1,
+        };
+        while let Some(before) = steps.pop_if(|before| before.kept < step.kept) {
+            step = before.with(step);
+        }
+        steps.push(step);
+    }
+    let each = (steps.iter()).flat_map(|step| std::iter::repeat_n(step.kept, step.octaves));
+    let mut pooled = [0.0; NUM_OCTAVES];
+    for (pooled, kept) in pooled.iter_mut().zip(each) {
+        *pooled = kept;
+    }
+    pooled
+}
+
+/// At `age_s`, the logarithm of the age counting between the middles of octaves; 1 at no age.
+fn at_age(kept: &[f64; NUM_OCTAVES], age_s: f64) -> f64 {
+    let octave = (age_s.max(1.0) / FIRST_S).log2() - 0.5;
+    if octave <= 0.0 {
+        let share = (age_s / (FIRST_S * std::f64::consts::SQRT_2)).clamp(0.0, 1.0);
+        return 1.0 + share * (kept[0] - 1.0);
+    }
+    let below = (octave as usize).min(NUM_OCTAVES - 1);
+    let above = kept.get(below + 1).copied().unwrap_or(0.0);
+    let share = (octave - below as f64).clamp(0.0, 1.0);
+    kept[below] + share * (above - kept[below])
+}
+
+/// Of what is left after one octave, so much is expected to be left after the next.
+const EXPECTED: f64 = 0.75;
+
+/// Squared surprises that what is expected counts as, in looks and in stays.
+const PRIOR: f64 = 1.0;
+const SURE_PRIOR: f64 = 0.2;
+
+/// Of one octave: what pairs of looks say together, and the earlier one alone.
+#[derive(Clone, Copy, Debug, Default)]
+struct PairSums {
+    /// `sum of (s - p)(s_earlier - p)`.
+    both: f64,
+    /// `sum of (s_earlier - p)^2`.
+    earlier: f64,
+}
+
+/// Octaves that share what is left.
+#[derive(Clone, Copy, Debug)]
+struct Step {
+    kept: f64,
+    weight: f64,
+    octaves: usize,
+}
+
+impl Step {
+    fn with(self, next: Self) -> Self {
+        let weight = self.weight + next.weight;
+        Self {
+            kept: (self.kept * self.weight + next.kept * next.weight) / weight,
+            weight,
+            octaves: self.octaves + next.octaves,
+        }
+    }
+}
+
+/// Looks that are kept to be paired.
+const MAX_KEPT: usize = 4096;
+
+/// Any model with the last look first.
+#[derive(Debug)]
+pub(super) struct Persistent {
+    of: Box<dyn OnlineModel>,
+    looks: VecDeque<Look>,
+    count: LookCount,
+    num_looks: f64,
+    sums: [PairSums; NUM_OCTAVES],
+    /// `w` at the middle of each octave.
+    kept: [f64; NUM_OCTAVES],
+    /// The same as far as it is not chance, without hope for ages of which nothing is known.
+    surely: [f64; NUM_OCTAVES],
+    usual: Vec<f64>,
+}
+
+#[derive(Clone, Debug)]
+struct Look {
+    time: Time,
+    states: Vec<bool>,
+    /// Looks of one stay have the same.
+    stay: f64,
+}
+
+impl Persistent {
+    pub(super) fn new(of: Box<dyn OnlineModel>) -> Self {
+        Self {
+            usual: vec![0.0; of.num_states()],
+            of,
+            looks: VecDeque::new(),
+            count: LookCount::default(),
+            num_looks: 0.0,
+            sums: [PairSums::default(); NUM_OCTAVES],
+            kept: [0.0; NUM_OCTAVES],
+            surely: [0.0; NUM_OCTAVES],
+        }
+    }
+
+    fn pair(&mut self, time: Time, states: &[bool]) {
+        self.of.usual_into(time, &mut self.usual);
+        let mut at = self.looks.len();
+        for (octave, sums) in self.sums.iter_mut().enumerate() {
+            let least_s = FIRST_S * f64::from(1 << octave);
+            // The latest look that is at least so old.
+            let is_too_near = |look: &Look| {
+                time.since_s(look.time) < least_s || look.stay >= self.count.num_stays
+            };
+            while at > 0 && is_too_near(&self.looks[at - 1]) {
+                at -= 1;
+            }
+            let Some(earlier) = at.checked_sub(1).map(|at| &self.looks[at]) else {
+                return;
+            };
+            if time.since_s(earlier.time) >= 2.0 * least_s {
+                continue;
+            }
+            for ((&state, &was), &p) in states.iter().zip(&earlier.states).zip(&self.usual) {
+                let (now, before) = (f64::from(u8::from(state)), f64::from(u8::from(was)));
+                sums.both += (now - p) * (before - p);
+                sums.earlier += (before - p) * (before - p);
+            }
+        }
+    }
+}
+
+impl OnlineModel for Persistent {
+    fn num_states(&self) -> usize {
+        self.of.num_states()
+    }
+
+    fn observe(&mut self, time: Time, states: &[bool]) {
+        let is_latest = self.of.last_look().is_none_or(|last| time >= last);
+        if is_latest {
+            self.count.add(time);
+            self.num_looks += 1.0;
+            self.pair(time, states);
+            if self.looks.len() == MAX_KEPT {
+                self.looks.pop_front();
+            }
+            self.looks.push_back(Look {
+                time,
+                states: states.to_vec(),
+                stay: self.count.num_stays,
+            });
+        }
+        self.of.observe(time, states);
+    }
+
+    fn learn(&mut self) -> Result<()> {
+        self.of.learn()?;
+        self.kept = pooled(self.sums.iter().scan(1.0_f64, |shorter, sums| {
+            // Where little is known, a quarter of what is left is gone after each octave.
+            let weight = sums.earlier + PRIOR;
+            let kept = (sums.both + PRIOR * EXPECTED * *shorter) / weight;
+            *shorter = kept.clamp(0.0, 1.0);
+            Some((*shorter, weight))
+        }));
+        // Looks of one stay are nearly one.
+        let stays_per_look = self.count.num_stays / self.num_looks.max(1.0);
+        let mut surely: Vec<(f64, f64)> = Vec::with_capacity(NUM_OCTAVES);
+        let mut longer = 0.0_f64;
+        for sums in self.sums.iter().rev() {
+            // Where little is known, what is left is what is left at longer ages, and what may be
+            // chance is not memory: half of the standard error of unrelated coins is taken off.
+            let earlier = sums.earlier * stays_per_look;
+            let weight = earlier + SURE_PRIOR;
+            let both = (sums.both * stays_per_look - 0.25 * earlier.sqrt()).max(0.0);
+            longer = ((both + SURE_PRIOR * longer) / weight).clamp(0.0, 1.0);
+            surely.push((longer, weight));
+        }
+        self.surely = pooled(surely.into_iter().rev());
+        Ok(())
+    }
+
+    fn predict_into(&self, time: Time, out: &mut [f64]) {
+        self.of.usual_into(time, out);
+        if let Some(last) = self.looks.back() {
+            let kept = at_age(&self.kept, time.since_s(last.time).abs());
+            for (p, &state) in out.iter_mut().zip(&last.states) {
+                *p += kept * (f64::from(u8::from(state)) - *p);
+            }
+        }
+    }
+
+    fn usual_into(&self, time: Time, out: &mut [f64]) {
+        self.of.usual_into(time, out);
+    }
+
+    fn looks(&self, time: Time) -> f64 {
+        self.of.looks(time)
+    }
+
+    /// Without hope for ages of which nothing is known: a plan that counts on memory makes the looks
+    /// that would show it.
+    fn kept(&self, age_s: f64) -> f64 {
+        at_age(&self.surely, age_s)
+    }
+
+    fn last_look(&self) -> Option<Time> {
+        self.of.last_look()
+    }
+}

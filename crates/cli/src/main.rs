@@ -23,6 +23,7 @@ mod config;
 mod edge;
 mod exchange;
 mod generations;
+mod grid;
 mod held;
 mod inspect;
 mod interrupt;
@@ -85,6 +86,9 @@ enum Command {
     Localize(localize::LocalizeArgs),
     Predict(predict::PredictArgs),
     Spectrum(spectrum::SpectrumArgs),
+    /// Learn occupancy grids that know the hour, and predict maps of any time.
+    #[command(subcommand)]
+    Grid(grid::GridCommand),
     /// Look into folders of images.
     #[command(subcommand)]
     Dataset(DatasetCommand),
@@ -178,6 +182,7 @@ impl Cli {
             Command::Localize(args) => localize::run(&args, &mut out),
             Command::Predict(args) => predict::run(&args, &mut out),
             Command::Spectrum(args) => spectrum::run(&args, &mut out),
+            Command::Grid(command) => grid::run(&command, &mut out),
             Command::Dataset(DatasetCommand::Check(args)) => check::run(&args, &mut out),
             Command::Dataset(DatasetCommand::Index(args)) => make_index::run(&args, &mut out),
         }

@@ -7,6 +7,7 @@
 use std::time::Instant;
 
 use fremen::{CandidatePeriods, Period};
+use fremen_grid::compress::{LossyGrid, pack, unpack, varint_bytes};
 use fremen_grid::simulation::Office3d;
 use fremen_grid::{CellModel, GridConfig, Result, TemporalGrid};
 
@@ -60,6 +61,27 @@ fn main() -> Result<()> {
         memory.observation_bytes as f64 / 1e6
     ));
 
+    let raw_bytes = num_observed / 8.0;
+    let start = Clock::start();
+    let packed = pack(grid.history())?;
+    let took = start.elapsed();
+    let varint = varint_bytes(grid.history());
+    say.line(&format!(
+        "lossless {:.2} MB, 1:{:.0}, {:.2} x smaller than varint runs ({:.2} MB), packed in {took}",
+        packed.len() as f64 / 1e6,
+        raw_bytes / packed.len() as f64,
+        varint as f64 / packed.len() as f64,
+        varint as f64 / 1e6
+    ));
+    let start = Clock::start();
+    let is_same = unpack(&packed)? == *grid.history();
+    say.line(&format!(
+        "unpacked in {}: {}",
+        start.elapsed(),
+        if is_same { "the same" } else { "WRONG" }
+    ));
+    drop(packed);
+
     let day = CandidatePeriods::harmonic(Period::DAY, 24)?;
     let week = CandidatePeriods::harmonic(Period::WEEK, 168)?;
     let histogram = |period, num_bins| CellModel::Histogram { period, num_bins };
@@ -93,6 +115,23 @@ fn main() -> Result<()> {
             errors.num_compared,
             start.elapsed()
         ));
+        if let CellModel::Fremen { candidates, order } = fitted.config().model() {
+            let base = if candidates == &day {
+                Period::DAY
+            } else {
+                Period::WEEK
+            };
+            let lossy = LossyGrid::new(&fitted, base, candidates.len(), *order)?;
+            let (bytes, errors) = (lossy.to_bytes(), lossy.errors(&fitted, 301)?);
+            say.line(&format!(
+                "{:24} lossy {:.3} MB, 1:{:.0}; wrong {:.3} %, ratio {:.3}",
+                "",
+                bytes.len() as f64 / 1e6,
+                raw_bytes / bytes.len() as f64,
+                100.0 * errors.rate(),
+                errors.rate() / errors.static_rate()
+            ));
+        }
     }
     say.line(&format!("peak memory {}", peak_memory()));
     Ok(())

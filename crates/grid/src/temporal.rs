@@ -460,6 +460,43 @@ impl FittedGrid<'_> {
         Ok(explanation)
     }
 
+    /// The period in seconds and the amplitude of a cell's strongest rhythm; none where it has none.
+    pub fn strongest_rhythm(&self, cell: [u32; 3]) -> Option<(f64, f64)> {
+        let CellModel::Fremen { candidates, .. } = self.grid.config.model() else {
+            return None;
+        };
+        let (key, at) = self.grid.history.tiling().locate(cell);
+        let slot = self
+            .grid
+            .history
+            .slot(key)
+            .filter(|_| self.grid.spec().contains(cell))?;
+        let term = self
+            .grid
+            .models
+            .get(slot)?
+            .as_deref()?
+            .terms(at)
+            .first()
+            .copied()?;
+        let amplitude = f64::from(term.cos).hypot(term.sin.into());
+        Some((candidates.period_s(term.k.into()), amplitude))
+    }
+
+    /// How it predicts.
+    pub fn config(&self) -> &GridConfig {
+        &self.grid.config
+    }
+
+    /// What was observed.
+    pub fn history(&self) -> &History {
+        &self.grid.history
+    }
+
+    pub(crate) fn tile_model(&self, slot: usize) -> Option<&TileModel> {
+        self.grid.models.get(slot)?.as_deref()
+    }
+
     /// How well the periodic part of predictions gives back every `stride`-th observation of each
     /// tile.
     pub fn errors(&self, stride: usize) -> Errors {

@@ -11,6 +11,7 @@ mod exchange;
 mod failing;
 mod fixture;
 mod generations;
+mod grid;
 mod held;
 mod inspect;
 mod killed;

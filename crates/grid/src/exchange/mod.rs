@@ -7,7 +7,9 @@
 mod index;
 mod map_server;
 mod picture;
+mod place;
 mod yaml;
 
 pub use index::{IndexEntry, read_index};
 pub use map_server::{MapMode, MapServerMap, UNKNOWN};
+pub use place::{common_spec, patch_of};

@@ -6,6 +6,7 @@
 )]
 
 mod cells;
+mod compress;
 mod exchange;
 mod experiment;
 mod file;

@@ -1,4 +1,5 @@
-//! Prints how a grid deals with corrupted maps, and with furniture that was moved:
+//! Prints how a grid deals with corrupted maps, and with furniture that was moved.
+//!
 //! `cargo run --release -p fremen-grid --example grid_quarantine -- [OFFICES] [dev] [moved] [list]`
 
 use std::io::Write as _;

@@ -21,6 +21,7 @@
 //! | [`scan`] | what does a planar laser say about cells? |
 //! | [`localize`] | where is the robot in a map, and is the map still right? |
 //! | [`registration`] | does a patrol's map belong into the grid, and where? |
+//! | [`plan`] | which way is short, and free at the time at which the robot comes there? |
 //! | [`simulation`] | what would a robot have seen in a world whose truth is known? |
 //! | [`experiment`] | how good is all this? |
 //!
@@ -50,6 +51,7 @@ pub mod history;
 pub mod localize;
 pub mod model;
 pub mod picture;
+pub mod plan;
 pub mod pose;
 pub mod random;
 pub mod registration;

@@ -287,18 +287,55 @@ impl Office {
             .all(|door| door.habit.is_on(self.seed, door.id, time))
     }
 
-    /// The way of a patrol: through both rooms and corridors, as far as doors are open.
+    /// Whether no trolley stands in the main corridor.
+    fn is_main_open(&self, time: Time) -> bool {
+        let mut trolleys = self.trolleys.iter().enumerate();
+        !trolleys.any(|(number, habit)| habit.is_on(self.seed, TROLLEY + number as u64, time))
+    }
+
+    /// The way of a patrol: through both rooms and corridors, as far as they are open; into the
+    /// others it looks.
     pub fn patrol(&self, time: Time, step_m: f64) -> Vec<Pose2> {
         let plan = &self.plan;
         let middle = plan.main_m + 0.5 * CORRIDOR_M;
         let round = plan.second_m + 0.5 * CORRIDOR_M;
         let [a, b] = self.places();
-        let mut corners = vec![a, [a[0], middle], [b[0], middle], b, [b[0], round]];
-        if self.is_round_open(time) {
-            corners.push([a[0], round]);
-        } else {
-            corners.extend([[b[0], middle], [a[0], middle], [a[0], round]]);
-        }
+        // Patrols take minutes.
+        let soon = time.plus_us(600_000_000);
+        let is_open = |is_open: &dyn Fn(Time) -> bool| is_open(time) && is_open(soon);
+        let is_main_open = is_open(&|time| self.is_main_open(time));
+        let is_round_open = is_open(&|time| self.is_round_open(time));
+        let mut corners = match (is_main_open, is_round_open) {
+            (true, true) => vec![
+                a,
+                [a[0], middle],
+                [b[0], middle],
+                b,
+                [b[0], round],
+                [a[0], round],
+            ],
+            (true, false) => vec![
+                a,
+                [a[0], middle],
+                [b[0], middle],
+                b,
+                [b[0], round],
+                [b[0], middle],
+                [a[0], middle],
+                [a[0], round],
+            ],
+            (false, true) => vec![
+                a,
+                [a[0], middle],
+                [a[0], round],
+                [b[0], round],
+                [b[0], middle],
+                b,
+                [b[0], round],
+                [a[0], round],
+            ],
+            (false, false) => vec![a, [a[0], middle], [a[0], round]],
+        };
         corners.push(a);
         resample(&corners, step_m)
     }

@@ -15,7 +15,7 @@ pub use boxes::{BoxCounts, BoxesConfig, BoxesReport, PREDICTED_BY, boxes};
 pub use carmen::{CarmenConfig, CarmenReport, RangeResult, carmen};
 pub use journeys::{JourneyCounts, JourneysConfig, JourneysReport, PLANNED_IN, journeys};
 pub use passes::{MAPS, PassResult, PassesConfig, PassesReport, passes};
+pub use presence::{Detections, PresenceConfig, PresenceResult, presence, presence_table};
 pub use quarantine::{
     Care, Corruption, OfficePatrols, PatrolResult, QuarantineConfig, QuarantineReport, quarantine,
 };
-pub use presence::{Detections, PresenceConfig, PresenceResult, presence, presence_table};

@@ -1,6 +1,6 @@
 //! Where will people be tomorrow, by where they were today?
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 
 use flate2::read::MultiGzDecoder;
@@ -54,7 +54,10 @@ impl Detections {
         for (number, line) in reader.take(MAX_BYTES).lines().enumerate() {
             let at = |error: Error| error.with_place(format!("line {}", number + 1));
             let line = line.map_err(|cause| {
-                at(Error::new(ErrorKind::Format, format!("this cannot be read: {cause}")))
+                at(Error::new(
+                    ErrorKind::Format,
+                    format!("this cannot be read: {cause}"),
+                ))
             })?;
             let numbers = numbers(&line).map_err(at)?;
             match (number, numbers.as_slice()) {
@@ -65,7 +68,11 @@ impl Detections {
                     }
                 }
                 _ => {
-                    let expected = if number < 3 { "two limits" } else { "a time, x and y" };
+                    let expected = if number < 3 {
+                        "two limits"
+                    } else {
+                        "a time, x and y"
+                    };
                     let message = format!("{expected} expected, not {} numbers", numbers.len());
                     return Err(at(Error::new(ErrorKind::Format, message)
                         .with_help("was the file cut, or are limits swapped?")));
@@ -90,7 +97,12 @@ impl Detections {
         Self {
             watched: [self.watched[0].max(from), self.watched[1].min(to)],
             area_m: self.area_m,
-            rows: self.rows.iter().filter(|(time, _)| inside(time)).copied().collect(),
+            rows: self
+                .rows
+                .iter()
+                .filter(|(time, _)| inside(time))
+                .copied()
+                .collect(),
         }
     }
 
@@ -110,7 +122,9 @@ impl Detections {
             .collect();
         for (time, [x, y]) in &self.rows {
             let slot = (time.as_us() - begin).div_euclid(slot_us.max(1));
-            let place = usize::try_from(slot).ok().and_then(|slot| slots.get_mut(slot));
+            let place = usize::try_from(slot)
+                .ok()
+                .and_then(|slot| slots.get_mut(slot));
             if let (Some((_, patch)), Some(cell)) = (place, spec.cell_at([*x, *y, 0.0])) {
                 patch.set(cell, CellState::Occupied);
             }
@@ -137,7 +151,10 @@ fn time(seconds: f64) -> Result<Time> {
     if us.abs() < i64::MAX as f64 {
         return Ok(Time::from_us(us as i64));
     }
-    Err(Error::new(ErrorKind::Time, format!("{seconds} s is no time")))
+    Err(Error::new(
+        ErrorKind::Time,
+        format!("{seconds} s is no time"),
+    ))
 }
 
 /// How presence is learnt.
@@ -229,7 +246,11 @@ pub fn presence_table(results: &[PresenceResult]) -> String {
     let mean = results.first().map_or(f64::NAN, |first| first.brier);
     for result in results {
         let gain = 100.0 * (1.0 - result.brier / mean);
-        let _ = writeln!(text, "{:18} | {:.6} | {gain:+.1}", result.name, result.brier);
+        let _ = writeln!(
+            text,
+            "{:18} | {:.6} | {gain:+.1}",
+            result.name, result.brier
+        );
     }
     text
 }
@@ -264,9 +285,8 @@ mod tests {
     #[test]
     fn who_comes_every_morning_is_foreseen_by_hours_and_not_by_the_mean() -> Result<()> {
         let hours = |from: i64, to: i64, day: i64| {
-            (from * 60..to * 60).map(move |minute| {
-                (Time::from_s(day * 86_400 + minute * 60 + 7), [0.5, 0.5])
-            })
+            (from * 60..to * 60)
+                .map(move |minute| (Time::from_s(day * 86_400 + minute * 60 + 7), [0.5, 0.5]))
         };
         let of_day = |day: i64| Detections {
             watched: [Time::from_s(day * 86_400), Time::from_s((day + 1) * 86_400)],

@@ -1,6 +1,7 @@
 //! Prints how a grid deals with corrupted maps, and with furniture that was moved.
 //!
-//! `cargo run --release -p fremen-grid --example grid_quarantine -- [OFFICES] [dev] [moved] [list]`
+//! `cargo run --release -p fremen-grid --example grid_quarantine -- [OFFICES] [FIRST_SEED]
+//! [dev] [moved] [list]`
 
 use std::io::Write as _;
 
@@ -11,9 +12,10 @@ use fremen_grid::simulation::Layout;
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let has = |word: &str| arguments.iter().any(|argument| argument == word);
-    let count = (arguments.first().and_then(|text| text.parse().ok())).unwrap_or(10);
+    let number = |at: usize| arguments.get(at).and_then(|text| text.parse::<u64>().ok());
+    let (count, first) = (number(0).unwrap_or(10), number(1).unwrap_or(20));
     let mut config = QuarantineConfig {
-        seeds: (0..count).collect(),
+        seeds: (first..first + count).collect(),
         ..QuarantineConfig::default()
     };
     if has("dev") {

@@ -350,10 +350,14 @@ class Localizer:
     map as it was then: make another one after ``Map.refresh``. Threads may share it, and work at the
     same time.
 
+    Of paths, ``zone`` ("Europe/Prague") is that of EXIF times without an offset, and ``manifest`` the
+    name of a supported dataset, a manifest or a folder, whose index and rule for file names count
+    before an index.csv above the file.
+
     Errors: those of ``Map.open``; ``ConfigError`` for values out of range and for an extractor that this
     version does not know.
     """
-    def __new__(cls, /, map: MapLike, *, method: str | None = None, score: str | None = None, n: SupportsIndex | None = None, risk: SupportsFloat | SupportsIndex | None = None, config: ConfigLike | None = None, index_cache: str = "auto") -> Localizer: ...
+    def __new__(cls, /, map: MapLike, *, method: str | None = None, score: str | None = None, n: SupportsIndex | None = None, risk: SupportsFloat | SupportsIndex | None = None, config: ConfigLike | None = None, index_cache: str = "auto", zone: str | None = None, manifest: str | None = None) -> Localizer: ...
     def __repr__(self, /) -> str: ...
     @property
     def config(self, /) -> Json:

@@ -256,3 +256,38 @@ fn a_killed_add_leaves_the_old_grid_or_the_new_one() {
     println!("{num_killed} killed, {num_new} of them after the commit");
     assert!(num_killed > num_kills / 2, "{num_killed} of {num_kills}");
 }
+
+#[test]
+fn a_robot_plans_by_the_hour_and_finds_itself_in_a_log() {
+    let fixture = prepared();
+    // By day the open cupboard leaves no room for a robot of half a metre.
+    let line = "grid plan week.grid --from -0.6 2.5 --to 0.6 2.5 --radius 0.2 --json";
+    let night = fixture.succeeds(&format!("{line} --time 1970-01-12T02:00:00Z"));
+    let night = &night.lines()[0];
+    assert!(
+        (night["length_m"].as_f64().unwrap() - 1.2).abs() < 0.15,
+        "{night}"
+    );
+    assert!(night["p_free"].as_f64().unwrap() > 0.9, "{night}");
+    let day = fixture.run(&format!("{line} --time 1970-01-12T13:00:00Z"));
+    assert_eq!(day.lines()[0]["is_found"], false);
+    fixture.fails(
+        "grid plan week.grid --from 9 9 --to 0.6 2.5 --time 1970-01-12T02:00:00Z",
+        &["(9, 9) is outside of the grid"],
+    );
+    // Between the walls at 0.45 m, with three beams into the open.
+    let scan = "FLASER 5 0.45 0.63 inf 0.63 0.45 9 9 0 0 0 0 1 host 1\n";
+    let moved = scan.replace("0 0 0 1 host 1", "0.2 0 0 2 host 2");
+    fixture.write("run.log", format!("{scan}{moved}"));
+    let line = "grid localize week.grid --time 1970-01-12T02:00:00Z";
+    let found = fixture.run(&format!("{line} --log run.log --at -0.6 2.5 0 --json"));
+    let found = found.lines();
+    assert_eq!(found.len(), 2);
+    let y = found[1]["y_m"].as_f64().unwrap();
+    assert!((y - 2.5).abs() < 0.1, "{}", found[1]);
+    fixture.write("cut.log", &format!("{scan}{}", &scan[..20]));
+    fixture.fails(
+        &format!("{line} --log cut.log"),
+        &["cut.log", "line 2", "cut before"],
+    );
+}

@@ -20,7 +20,8 @@ pub struct GuardConfig {
     /// How many MADs above the median a map is still usual.
     pub k: f64,
     /// How many maps are integrated before any is judged: nothing is known of what is usual yet, so
-    /// somebody should have a look at these.
+    /// somebody should have a look at these. They should come from all hours of a few days: what is
+    /// usual at night is too little by day.
     pub num_trusted: usize,
     /// How many of the last maps are the past.
     pub num_past: usize,
@@ -35,8 +36,8 @@ pub struct GuardConfig {
 impl Default for GuardConfig {
     fn default() -> Self {
         Self {
-            k: 10.0,
-            num_trusted: 10,
+            k: 7.0,
+            num_trusted: 24,
             num_past: 50,
             num_repeats: 3,
             num_kept: 20,

@@ -40,7 +40,7 @@
 //! # What was measured
 //!
 //! One person in ten rooms for 16 weeks, 72 visits of ten minutes a day, error over rooms and minutes
-//! (`examples/parity.rs` prints all of the paper's table 1 next to ours): published best 5.7 %; the
+//! (`examples/study.rs` prints all of the paper's table 1 next to ours): published best 5.7 %; the
 //! default here 3.9 %.
 //!
 //! # Files

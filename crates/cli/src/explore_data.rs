@@ -1,5 +1,6 @@
 //! What is there to explore, and what is known of it?
 
+use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -193,7 +194,7 @@ fn read_series(files: &[PathBuf], reading: &Reading<'_>) -> Result<Vec<(String, 
 pub(super) fn recording(files: &[PathBuf], reading: &Reading<'_>) -> Result<(Recording, usize)> {
     let series = read_series(files, reading)?;
     // The last of equal times.
-    let maps: Vec<std::collections::BTreeMap<Time, bool>> = (series.iter())
+    let maps: Vec<BTreeMap<Time, bool>> = (series.iter())
         .map(|(_, series)| {
             let states = series.states().iter();
             states
@@ -201,7 +202,7 @@ pub(super) fn recording(files: &[PathBuf], reading: &Reading<'_>) -> Result<(Rec
                 .collect()
         })
         .collect();
-    let (Some(first), longest) = (maps.first(), maps.iter().map(|map| map.len()).max()) else {
+    let (Some(first), longest) = (maps.first(), maps.iter().map(BTreeMap::len).max()) else {
         return Err(Error::new(ErrorKind::Shape, "there is no place to explore").into());
     };
     let is_common = |time: &&Time| maps.iter().all(|map| map.contains_key(time));

@@ -100,7 +100,7 @@ fn main() {
             "1,000 places x {num_features} features: {:.1} ms (at most {limit_ms} ms), models {:.1} MB, plan {:.1} MB",
             times_ms[2],
             bytes as f64 / 1e6,
-            (1_000 * 144 * (3 * 8 + 40)) as f64 / 1e6
+            f64::from(1_000 * 144 * (3 * 8 + 40)) / 1e6
         );
     }
 }

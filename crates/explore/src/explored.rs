@@ -99,11 +99,11 @@ impl Fitted {
             estimate.low > 0.0 || estimate.high < 1.0
         };
         self.places.push(FittedPlace {
-            knows_itself,
             name,
             model,
             looks,
             last_look,
+            knows_itself,
         });
         Ok(())
     }

@@ -26,6 +26,7 @@ mod explore;
 mod explore_data;
 mod explore_output;
 mod generations;
+mod grid;
 mod held;
 mod inspect;
 mod interrupt;
@@ -90,6 +91,9 @@ enum Command {
     Spectrum(spectrum::SpectrumArgs),
     #[command(subcommand)]
     Explore(explore::ExploreCommand),
+    /// Learn occupancy grids that know the hour, and predict maps of any time.
+    #[command(subcommand)]
+    Grid(grid::GridCommand),
     /// Look into folders of images.
     #[command(subcommand)]
     Dataset(DatasetCommand),
@@ -184,6 +188,7 @@ impl Cli {
             Command::Predict(args) => predict::run(&args, &mut out),
             Command::Spectrum(args) => spectrum::run(&args, &mut out),
             Command::Explore(command) => explore::run(&command, &mut out),
+            Command::Grid(command) => grid::run(&command, &mut out),
             Command::Dataset(DatasetCommand::Check(args)) => check::run(&args, &mut out),
             Command::Dataset(DatasetCommand::Index(args)) => make_index::run(&args, &mut out),
         }

@@ -14,11 +14,14 @@
 //! | [`temporal`] | what will the world look like at time t? |
 //! | [`exchange`] | how are maps read that others wrote, and written so that others read them? |
 //! | [`mod@file`] | how is a grid kept in a file, whatever happens to the machine? |
+//! | [`compress`] | in how few bytes can a grid be kept? |
+//! | [`picture`] | what does a grid look like? |
 //! | [`random`] | which number comes next, the same on every run and in every thread? |
 //! | [`pose`] | where does the robot stand in the plane, and where does it look? |
 //! | [`scan`] | what does a planar laser say about cells? |
 //! | [`localize`] | where is the robot in a map, and is the map still right? |
 //! | [`registration`] | does a patrol's map belong into the grid, and where? |
+//! | [`plan`] | which way is short, and free at the time at which the robot comes there? |
 //! | [`simulation`] | what would a robot have seen in a world whose truth is known? |
 //! | [`experiment`] | how good is all this? |
 //!
@@ -40,12 +43,15 @@
 //!   mapping in changing environments using the frequency map enhancement. IROS 2016.
 
 pub mod cells;
+pub mod compress;
 pub mod exchange;
 pub mod experiment;
 pub mod file;
 pub mod history;
 pub mod localize;
 pub mod model;
+pub mod picture;
+pub mod plan;
 pub mod pose;
 pub mod random;
 pub mod registration;
@@ -60,3 +66,8 @@ pub use fremen::{Error, ErrorKind, Result, Time};
 pub use history::{FrameStream, History, Outcome, Verdict};
 pub use model::{CellModel, Errors, GridConfig};
 pub use temporal::{Explanation, FittedGrid, TemporalGrid};
+
+/// The README's examples, so that they compile.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

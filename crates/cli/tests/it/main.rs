@@ -12,6 +12,7 @@ mod explore;
 mod failing;
 mod fixture;
 mod generations;
+mod grid;
 mod held;
 mod inspect;
 mod killed;

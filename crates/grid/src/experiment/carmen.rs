@@ -64,9 +64,35 @@ pub struct RangeResult {
     pub p95_m: f64,
     /// Share of scans within 0.1 m.
     pub within_10_cm: f64,
-    /// Scans at which a filter that may be anywhere at first is within 0.5 m: share of the second
-    /// half of the log.
+    /// Share of the second half of the log in which a filter that may be anywhere at first is within
+    /// 0.5 m.
     pub global: f64,
+}
+
+impl CarmenReport {
+    /// The table.
+    pub fn table(&self) -> String {
+        use std::fmt::Write as _;
+        let mut text = format!(
+            "{} scans mapped, {} localised, {:.1} % of ends within one cell of a wall\n\
+             range m | median m | 95 % m | within 0.1 m % | found from anywhere %\n",
+            self.num_mapped,
+            self.num_localized,
+            100.0 * self.within_one_cell,
+        );
+        for row in &self.ranges {
+            let _ = writeln!(
+                text,
+                "{:7} | {:8.3} | {:6.3} | {:14.1} | {:.1}",
+                row.range_m,
+                row.median_m,
+                row.p95_m,
+                100.0 * row.within_10_cm,
+                100.0 * row.global,
+            );
+        }
+        text
+    }
 }
 
 /// One scan of so many is held out of the map and localised in it.

@@ -2,6 +2,20 @@
 //!
 //! Each experiment is a function of its configuration and gives a table; `examples/` prints them.
 
+mod boxes;
 mod carmen;
+mod journeys;
+mod passes;
+mod presence;
+mod quarantine;
+mod statistics;
+mod world;
 
+pub use boxes::{BoxCounts, BoxesConfig, BoxesReport, PREDICTED_BY, boxes};
 pub use carmen::{CarmenConfig, CarmenReport, RangeResult, carmen};
+pub use journeys::{JourneyCounts, JourneysConfig, JourneysReport, PLANNED_IN, journeys};
+pub use passes::{MAPS, PassResult, PassesConfig, PassesReport, passes};
+pub use presence::{Detections, PresenceConfig, PresenceResult, presence, presence_table};
+pub use quarantine::{
+    Care, Corruption, OfficePatrols, PatrolResult, QuarantineConfig, QuarantineReport, quarantine,
+};

@@ -17,7 +17,7 @@ fn take_i64(bytes: &mut &[u8]) -> Option<i64> {
 }
 
 /// Names, then times as differences of differences, then observers as runs.
-pub(super) fn encode_observations(observations: &Observations) -> Vec<u8> {
+pub(crate) fn encode_observations(observations: &Observations) -> Vec<u8> {
     let mut bytes = Vec::new();
     put_varint(&mut bytes, observations.names().len() as u64);
     for name in observations.names() {
@@ -40,7 +40,7 @@ pub(super) fn encode_observations(observations: &Observations) -> Vec<u8> {
 }
 
 /// None where the bytes are not those of observations.
-pub(super) fn decode_observations(mut bytes: &[u8]) -> Option<Observations> {
+pub(crate) fn decode_observations(mut bytes: &[u8]) -> Option<Observations> {
     let bytes = &mut bytes;
     let num_names = take_varint(bytes)?;
     let mut names = Vec::new();

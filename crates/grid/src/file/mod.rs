@@ -10,4 +10,5 @@ mod grid_file;
 mod tables;
 
 pub use chronotope_store::{Access, Fault, Generation};
+pub(crate) use codec::{decode_observations, encode_observations};
 pub use grid_file::{GridFile, Verified};

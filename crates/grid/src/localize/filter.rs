@@ -37,6 +37,10 @@ pub struct FilterConfig {
     /// The share of the particles beyond the fewest that must carry the weight after a scan; the
     /// scan counts less where fewer would.
     pub min_effective: f64,
+    /// A scan is used after the robot moved so far ...
+    pub min_move_m: f64,
+    /// ... or turned so far: what is seen twice from one place is seen once.
+    pub min_turn_rad: f64,
     /// The noise of the odometry.
     pub motion: MotionModel,
     /// How fast the long-term mean of the fit follows, per scan.
@@ -61,6 +65,8 @@ impl Default for FilterConfig {
             num_beams: 60,
             evidence: 40.0,
             min_effective: 0.05,
+            min_move_m: 0.2,
+            min_turn_rad: 0.2,
             motion: MotionModel::default(),
             slow: 0.02,
             fast: 0.3,
@@ -160,6 +166,9 @@ pub struct MonteCarlo {
     fit: FitHistory,
     /// Whether it began with a robot that may be anywhere.
     is_global: bool,
+    /// Motion since the last scan that was used, and what came of that.
+    pending: Pose2,
+    last: Option<Estimate>,
 }
 
 /// How well scans used to fit, and how well they do now.
@@ -175,20 +184,19 @@ struct FitHistory {
 /// How many deviations below the slow mean scans still fit as usual. Without this band, ordinary
 /// fluctuations draw particles anywhere at every scan (the plain rule of table 8.3), which costs an
 /// order of magnitude more particles.
-const USUAL: f64 = 2.0;
+const USUAL: f64 = 3.0;
 /// By how much slower the slow mean follows scans that do not fit.
 const UNUSUAL: f64 = 0.1;
-/// The deviation before anything is known, as a share of the first fit.
-const FIRST_DEVIATION: f64 = 0.1;
+/// The smallest deviation, as a share of the mean: a robot that has stood still has seen none.
+const SMALLEST_DEVIATION: f64 = 0.1;
 
 impl FitHistory {
     fn add(&mut self, fit: f64, slow: f64, fast: f64) {
         if self.slow == 0.0 {
-            let variance = (FIRST_DEVIATION * fit).powi(2);
             *self = Self {
                 slow: fit,
                 fast: fit,
-                variance,
+                variance: 0.0,
                 num_scans: 1,
             };
             return;
@@ -210,7 +218,8 @@ impl FitHistory {
 
     /// The share of particles to be drawn anywhere.
     fn share_anywhere(&self) -> f64 {
-        let usual = self.slow - USUAL * self.variance.sqrt();
+        let deviation = self.variance.sqrt().max(SMALLEST_DEVIATION * self.slow);
+        let usual = self.slow - USUAL * deviation;
         if usual > 0.0 {
             (1.0 - self.fast / usual).clamp(0.0, 1.0)
         } else {
@@ -284,6 +293,8 @@ impl MonteCarlo {
             particles: particles.collect(),
             fit: FitHistory::default(),
             is_global: false,
+            pending: Pose2::default(),
+            last: None,
         }
     }
 
@@ -294,7 +305,8 @@ impl MonteCarlo {
 
     /// The robot moved by `motion` (in its own frame) and sees `scan`.
     ///
-    /// A scan that says nothing only moves the particles. `space` is where particles are drawn when
+    /// A scan that says nothing only moves the particles, and one after too little motion is not
+    /// used: the estimate is the last one, moved on. `space` is where particles are drawn when
     /// the scans do not fit any more.
     ///
     /// # Errors
@@ -310,13 +322,29 @@ impl MonteCarlo {
             let message = format!("a robot cannot move by {motion:?}");
             return Err(Error::new(ErrorKind::Config, message));
         }
+        self.pending = self.pending.then(motion);
+        let moved_m = self.pending.x_m.hypot(self.pending.y_m);
+        let turned_rad = self.pending.heading_rad.abs();
+        if let Some(last) = self.last
+            && moved_m < self.config.min_move_m
+            && turned_rad < self.config.min_turn_rad
+        {
+            return Ok(Estimate {
+                pose: last.pose.then(&self.pending),
+                ..last
+            });
+        }
+        let motion = std::mem::take(&mut self.pending);
         let readings = Readings::of(scan, self.config.num_beams);
         self.num_steps += 1;
-        let fits = self.move_and_weigh(motion, &readings, sensor);
-        let mut estimate = self.estimate();
-        estimate.fit = fits;
+        let fit = self.move_and_weigh(&motion, &readings, sensor);
+        let estimate = Estimate {
+            fit,
+            ..self.estimate()
+        };
         if !readings.is_empty() {
             self.resample(&readings, sensor, space);
+            self.last = Some(estimate);
         }
         Ok(estimate)
     }

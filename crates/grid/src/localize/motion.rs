@@ -1,9 +1,16 @@
 //! Where may the robot have moved to, when its wheels say so?
 
+use std::f64::consts::FRAC_1_SQRT_2;
+
 use crate::pose::{Pose2, wrap};
 use crate::random::Random;
 
-/// Noise of odometry as a turn, a straight line and a turn (Probabilistic Robotics, section 5.4).
+/// Noise of odometry, in proportion to what was driven and turned.
+///
+/// Deviation: the usual odometry model (Probabilistic Robotics, section 5.4) takes a motion apart
+/// into a turn, a drive and a turn back. For steps of millimetres sideways, as corrected poses have
+/// them, these turns are large and their noise tears the heading away; here the noise of the heading
+/// follows from the net turn and the distance only.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionModel {
     /// Deviation of a turn per radian turned.
@@ -41,40 +48,43 @@ impl MotionModel {
     /// One of the motions that may lie behind what the odometry says.
     #[must_use]
     pub fn sample(&self, motion: &Pose2, random: &mut Random) -> Pose2 {
-        let drive = motion.x_m.hypot(motion.y_m);
-        // A robot that hardly moves has no direction; one that moves backwards did not turn round.
-        let mut first = if drive < 1e-3 {
-            0.0
+        let driven = motion.x_m.hypot(motion.y_m);
+        let turned = motion.heading_rad.abs();
+        // Half of the noise of the heading comes before the drive, half after it.
+        let deviation = self.turn_per_turn * turned + self.turn_per_m * driven;
+        let mut turn = || random.normal(deviation * FRAC_1_SQRT_2);
+        let (before, after) = (turn(), turn());
+        let along = random.normal(self.drive_per_m * driven + self.drive_per_turn * turned);
+        let scale = if driven > 0.0 {
+            1.0 + along / driven
         } else {
-            motion.y_m.atan2(motion.x_m)
+            0.0
         };
-        let is_backwards = first.abs() > std::f64::consts::FRAC_PI_2;
-        if is_backwards {
-            first = wrap(first + std::f64::consts::PI);
-        }
-        let second = wrap(motion.heading_rad - first);
-        let mut turn = |angle: f64| {
-            let deviation = self.turn_per_turn * angle.abs() + self.turn_per_m * drive;
-            angle + random.normal(deviation)
-        };
-        let (first, second) = (turn(first), turn(second));
-        let turned = first.abs() + second.abs();
-        let deviation = self.drive_per_m * drive + self.drive_per_turn * turned;
-        let mut driven = drive + random.normal(deviation);
-        if is_backwards {
-            driven = -driven;
-        }
-        Pose2::new(
-            driven * first.cos(),
-            driven * first.sin(),
-            wrap(first + second),
-        )
+        let slip = if driven > 0.0 { 0.0 } else { along };
+        let turn = Pose2::new(0.0, 0.0, before);
+        let [x, y] = turn.place([scale * motion.x_m + slip, scale * motion.y_m]);
+        Pose2::new(x, y, wrap(motion.heading_rad + before + after))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn noise_follows_what_was_driven_and_not_in_how_many_directions() {
+        let model = MotionModel::default();
+        let mut random = Random::new(2);
+        let mut spread = |motion: Pose2| {
+            let turns = (0..4_000).map(|_| model.sample(&motion, &mut random).heading_rad);
+            (turns.map(|turn| turn * turn).sum::<f64>() / 4_000.0).sqrt()
+        };
+        let (ahead, aside) = (
+            spread(Pose2::new(0.1, 0.0, 0.0)),
+            spread(Pose2::new(0.0, 0.1, 0.0)),
+        );
+        assert!((ahead - 0.005).abs() < 0.0005 && (aside - 0.005).abs() < 0.0005);
+    }
 
     #[test]
     fn without_noise_a_motion_is_what_the_wheels_say() {

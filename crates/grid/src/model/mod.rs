@@ -23,4 +23,4 @@ pub use errors::Errors;
 pub(crate) use errors::errors;
 pub(crate) use fit::fit;
 pub(crate) use stats::Stats;
-pub(crate) use tile_model::{Moment, TileModel};
+pub(crate) use tile_model::{CellRecord, Moment, Term, TileModel};

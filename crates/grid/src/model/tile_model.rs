@@ -4,6 +4,7 @@ use fremen::{CandidatePeriods, Period, Time};
 
 use super::columns::bin;
 use super::config::{CellModel, GridConfig};
+use crate::cells::CellState;
 
 /// A rhythm of a cell: the factors of `cos(w_k t)` and `sin(w_k t)`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -121,6 +122,31 @@ impl TileModel {
                 .flat_map(|it| it.bins.iter().copied())
                 .collect(),
         }
+    }
+
+    /// The known state of a cell of one state, which the last visit did not see.
+    pub(crate) fn constant(&self, at: usize) -> Option<CellState> {
+        let found = self.constants.iter().find(|it| usize::from(it.0) == at)?;
+        Some(if found.1 {
+            CellState::Occupied
+        } else {
+            CellState::Free
+        })
+    }
+
+    /// What the cells that vary are predicted by.
+    pub(crate) fn records(&self) -> Vec<CellRecord> {
+        let num_bins = self.bins.len() / self.cells.len().max(1);
+        let record = |i: usize| CellRecord {
+            at: self.cells[i],
+            mean: self.mean[i],
+            rate: self.rate[i],
+            age_s: self.age_s[i],
+            is_occupied: self.occupied[i] > 0.5,
+            terms: self.terms(self.cells[i].into()),
+            bins: self.bins[i * num_bins..(i + 1) * num_bins].to_vec(),
+        };
+        (0..self.cells.len()).map(record).collect()
     }
 
     /// Cells that were seen free and occupied.

@@ -6,14 +6,16 @@ use crate::localize::DistanceField;
 /// What two maps of the same cells say about each other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
-    /// The share of cells that were predicted wrongly, each weighed by how sure the prediction was.
+    /// The share of cells that were predicted wrongly, each weighed by how sure the prediction was. A
+    /// surface that lies one cell beside the predicted one is no contradiction: that is the laser's
+    /// noise.
     pub disagreement: f64,
     /// Cells that were compared: known to both, and near a surface of either. (In the middle of
     /// free space everything agrees, which would hide failures.)
     pub num_compared: usize,
     /// New surfaces: occupied although predicted free, and not beside a predicted surface.
     pub appeared: Vec<usize>,
-    /// Lost surfaces: free although predicted occupied.
+    /// Lost surfaces: free although predicted occupied, and no surface beside it.
     pub vanished: Vec<usize>,
 }
 
@@ -61,10 +63,13 @@ pub fn compare(
         if states[0] == states[1] {
             continue;
         }
-        wrong += sureness;
         if states[1] == CellState::Free {
-            comparison.vanished.push(index);
+            if found.of_cell(index) > same_m {
+                wrong += sureness;
+                comparison.vanished.push(index);
+            }
         } else if expected.of_cell(index) > same_m {
+            wrong += sureness;
             comparison.appeared.push(index);
         }
     }

@@ -35,7 +35,7 @@ pub struct GuardConfig {
 impl Default for GuardConfig {
     fn default() -> Self {
         Self {
-            k: 6.0,
+            k: 10.0,
             num_trusted: 10,
             num_past: 50,
             num_repeats: 3,

@@ -62,6 +62,10 @@ impl Default for InverseSensorModel {
 /// A cell gains or loses once a scan, however many of its beams meet it, and a beam that ends in a
 /// cell outweighs those of the same scan that pass it: a wall that is seen at a flat angle is not
 /// worn away by its own scan.
+///
+/// A beam that ends in a cell also speaks against a surface in the next one, without making it free:
+/// otherwise the noise of the laser gives every wall a second row of cells behind it, which no beam
+/// ever passes to take it away again.
 #[derive(Clone, Debug)]
 pub struct ScanMapper {
     spec: GridSpec,
@@ -70,6 +74,8 @@ pub struct ScanMapper {
     log_odds: Vec<f32>,
     /// The last scan that met the cell.
     met_by: Vec<u32>,
+    /// Whether a beam ever passed the cell.
+    is_passed: Vec<bool>,
     num_scans: u32,
 }
 
@@ -81,6 +87,7 @@ impl ScanMapper {
             model,
             log_odds: vec![f32::NAN; spec.num_cells()],
             met_by: vec![0; spec.num_cells()],
+            is_passed: vec![false; spec.num_cells()],
             num_scans: 0,
         }
     }
@@ -117,9 +124,21 @@ impl ScanMapper {
             };
             let to = end(angle, range);
             let last = (spec.cell_at([to[0], to[1], 0.0])).map(|cell| spec.index(cell));
-            walk(&spec, [pose.x_m, pose.y_m], to, |crossing| {
-                if !hit || last != Some(crossing.index) {
+            // Just long enough to reach the cell behind the end.
+            let further = end(
+                angle,
+                range + if hit { 2.0 * spec.resolution_m() } else { 0.0 },
+            );
+            let mut is_behind = false;
+            walk(&spec, [pose.x_m, pose.y_m], further, |crossing| {
+                if is_behind {
+                    self.deny(crossing.index);
+                    return ControlFlow::Break(());
+                }
+                is_behind = hit && last == Some(crossing.index);
+                if !is_behind && crossing.enter_m <= range {
                     self.change(crossing.index, -self.model.pass);
+                    self.is_passed[crossing.index] = true;
                 }
                 ControlFlow::Continue(())
             });
@@ -137,6 +156,13 @@ impl ScanMapper {
         self.log_odds[index] = sum.clamp(-self.model.limit, self.model.limit);
     }
 
+    /// The surface is in the cell before, hence not in this one; that does not make it free.
+    fn deny(&mut self, index: usize) {
+        if !self.log_odds[index].is_nan() {
+            self.change(index, -self.model.pass);
+        }
+    }
+
     /// Number of scans since the beginning or the last [`clear`](Self::clear).
     pub const fn num_scans(&self) -> u32 {
         self.num_scans
@@ -146,15 +172,19 @@ impl ScanMapper {
     pub fn clear(&mut self) {
         self.log_odds.fill(f32::NAN);
         self.met_by.fill(0);
+        self.is_passed.fill(false);
         self.num_scans = 0;
     }
 
     /// The probabilities so far.
     pub fn to_map(&self) -> OccupancyMap {
         let mut map = OccupancyMap::new_unknown(self.spec);
-        for (p, log_odds) in map.probabilities_mut().iter_mut().zip(&self.log_odds) {
-            // NaN stays NaN.
-            *p = 1.0 / (1.0 + (-log_odds).exp());
+        let cells = self.log_odds.iter().zip(&self.is_passed);
+        for (p, (log_odds, is_passed)) in map.probabilities_mut().iter_mut().zip(cells) {
+            // What is no surface and was never passed is behind one. NaN stays NaN.
+            if *is_passed || *log_odds > 0.0 {
+                *p = 1.0 / (1.0 + (-log_odds).exp());
+            }
         }
         map
     }

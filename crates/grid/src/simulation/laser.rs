@@ -25,13 +25,13 @@ pub struct Laser {
 }
 
 impl Default for Laser {
-    /// A safety laser as on the papers' robot: 270 degrees, 20 m.
+    /// A safety laser as on the papers' robot: 270 degrees, 20 m, 3 cm.
     fn default() -> Self {
         Self {
             num_beams: 181,
             field_of_view_rad: 1.5 * PI,
             max_range_m: 20.0,
-            deviation_m: 0.015,
+            deviation_m: 0.03,
             dropout: 0.01,
         }
     }

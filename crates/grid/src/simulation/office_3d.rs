@@ -186,8 +186,13 @@ impl Frames<'_> {
     /// Some voxels begin to be seen wrongly, others end.
     fn flicker(&mut self) {
         let frame = self.frame;
-        let ended = self.flickers.extract_if(.., |_, &mut until| until <= frame);
-        self.touched.extend(ended.map(|it| it.0));
+        let touched = &mut self.touched;
+        self.flickers.retain(|&cell, &mut until| {
+            if until <= frame {
+                touched.push(cell);
+            }
+            until > frame
+        });
         let mut left = FLICKERS_PER_FRAME;
         while self.random.uniform() < left {
             let cell = self.office.edges[self.random.below(self.office.edges.len())];

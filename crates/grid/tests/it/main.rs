@@ -6,7 +6,9 @@
 )]
 
 mod cells;
+mod compress;
 mod exchange;
+mod experiment;
 mod file;
 mod history;
 mod localize;

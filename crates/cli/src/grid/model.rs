@@ -1,0 +1,71 @@
+//! By which model does a command predict?
+
+use anyhow::Result;
+use clap::{Args, ValueEnum};
+
+use fremen::{CandidatePeriods, Period};
+use fremen_grid::{CellModel, GridConfig};
+
+/// How cells are predicted. The grid keeps what was seen, so that each command may choose anew.
+#[derive(Debug, Args)]
+pub(super) struct ModelArgs {
+    /// By which model.
+    #[arg(long, value_enum, default_value_t = Kind::Fremen)]
+    model: Kind,
+    /// The longest period that is looked for.
+    #[arg(long, value_enum, default_value_t = Base::Day)]
+    base: Base,
+    /// Into how many parts it is divided: FreMEn looks for base/1 to base/PARTS, a histogram has
+    /// as many bins. An hour is the shortest where it is not given.
+    #[arg(long)]
+    parts: Option<usize>,
+    /// How many rhythms each cell keeps.
+    #[arg(long, default_value_t = 2)]
+    order: usize,
+    /// Do not take the last observation into account.
+    #[arg(long)]
+    no_persistence: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Kind {
+    /// A mean and the strongest rhythms.
+    Fremen,
+    /// A mean for each part of the base period.
+    Histogram,
+    /// The mean of all observations.
+    Mean,
+    /// The last observation.
+    Last,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Base {
+    Day,
+    Week,
+    Year,
+}
+
+impl ModelArgs {
+    pub(super) fn config(&self) -> Result<GridConfig> {
+        let (period, hours) = match self.base {
+            Base::Day => (Period::DAY, 24),
+            Base::Week => (Period::WEEK, 168),
+            Base::Year => (Period::YEAR, 8_766),
+        };
+        let num_parts = self.parts.unwrap_or(hours);
+        let model = match self.model {
+            Kind::Fremen => CellModel::Fremen {
+                candidates: CandidatePeriods::harmonic(period, num_parts)?,
+                order: self.order,
+            },
+            Kind::Histogram => CellModel::Histogram {
+                period,
+                num_bins: num_parts,
+            },
+            Kind::Mean => CellModel::Mean,
+            Kind::Last => CellModel::LastObservation,
+        };
+        Ok(GridConfig::new(model)?.with_persistence(!self.no_persistence))
+    }
+}

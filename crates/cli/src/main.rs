@@ -22,6 +22,9 @@ mod check;
 mod config;
 mod edge;
 mod exchange;
+mod explore;
+mod explore_data;
+mod explore_output;
 mod generations;
 mod grid;
 mod held;
@@ -86,6 +89,8 @@ enum Command {
     Localize(localize::LocalizeArgs),
     Predict(predict::PredictArgs),
     Spectrum(spectrum::SpectrumArgs),
+    #[command(subcommand)]
+    Explore(explore::ExploreCommand),
     /// Learn occupancy grids that know the hour, and predict maps of any time.
     #[command(subcommand)]
     Grid(grid::GridCommand),
@@ -182,6 +187,7 @@ impl Cli {
             Command::Localize(args) => localize::run(&args, &mut out),
             Command::Predict(args) => predict::run(&args, &mut out),
             Command::Spectrum(args) => spectrum::run(&args, &mut out),
+            Command::Explore(command) => explore::run(&command, &mut out),
             Command::Grid(command) => grid::run(&command, &mut out),
             Command::Dataset(DatasetCommand::Check(args)) => check::run(&args, &mut out),
             Command::Dataset(DatasetCommand::Index(args)) => make_index::run(&args, &mut out),

@@ -44,6 +44,12 @@ impl Output {
         Ok(writeln!(self.0, "{}", lines.join("\n"))?)
     }
 
+    /// One line that ends in CR LF, as calendars have them; without control characters, which it must
+    /// not have.
+    pub(super) fn raw_line(&mut self, text: &str) -> Result<()> {
+        Ok(write!(self.0, "{text}\r\n")?)
+    }
+
     /// One line of JSON, which escapes control characters itself.
     pub(super) fn json(&mut self, value: &impl Serialize) -> Result<()> {
         Ok(writeln!(self.0, "{}", serde_json::to_string(value)?)?)

@@ -59,6 +59,8 @@ struct FittedPlace {
     model: Box<dyn VisibilityModel>,
     looks: f64,
     last_look: Option<Time>,
+    /// Whether the model has intervals.
+    knows_itself: bool,
 }
 
 impl Fitted {
@@ -91,11 +93,17 @@ impl Fitted {
                 format!("there are two places `{name}`"),
             ));
         }
+        // A model without intervals says from 0 to 1 at any time.
+        let knows_itself = model.num_features() > 0 && {
+            let estimate = model.estimate(0, Time::default());
+            estimate.low > 0.0 || estimate.high < 1.0
+        };
         self.places.push(FittedPlace {
             name,
             model,
             looks,
             last_look,
+            knows_itself,
         });
         Ok(())
     }
@@ -126,15 +134,15 @@ impl Explored for Fitted {
 
     fn looks(&self, place: usize, time: Time) -> f64 {
         let place = &self.places[place];
+        if !place.knows_itself {
+            return place.looks;
+        }
         let num_states = place.model.num_features();
         let step = num_states.div_ceil(NUM_READ).max(1);
         let (mut sum, mut count) = (0.0, 0.0);
         for state in (0..num_states).step_by(step) {
             let estimate = place.model.estimate(state, time);
             let width = estimate.high - estimate.low;
-            if width >= 1.0 {
-                return place.looks; // It does not know.
-            }
             let sigma = (width / (2.0 * SIGMAS_OF_95)).max(1e-3);
             let p = estimate.p.clamp(0.01, 0.99);
             sum += (p * (1.0 - p) / (sigma * sigma) - 1.0).max(0.0);

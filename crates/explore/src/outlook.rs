@@ -14,6 +14,7 @@
 //! `4 p (1 - p)` stands for the uncertainty of a state: 0 to 1 as bits are, and what the squared
 //! error counts.
 
+use std::collections::BinaryHeap;
 use std::f64::consts::LN_2;
 
 use fremen::{Error, ErrorKind, Result, Time};
@@ -139,7 +140,7 @@ impl Outlook {
     /// others, this is within 1 - 1/e of the best, and in practice far nearer.
     ///
     /// `nudge` is added to 1 and multiplies what a look at a place in a slot adds, to break ties.
-    /// O(places x slots) and a logarithm for each visit.
+    /// O(places x slots), and O(slots) for each visit and each look whose worth has fallen.
     pub(crate) fn choose(
         &self,
         from: usize,
@@ -151,34 +152,36 @@ impl Outlook {
             (gain, gain.value() * (1.0 + nudge(place, slot)))
         };
         let mut planned: Vec<Vec<usize>> = vec![Vec::new(); self.places.len()];
-        let mut is_taken = vec![false; self.slots.len()];
-        let mut heap: std::collections::BinaryHeap<Candidate> = (0..self.places.len())
-            .flat_map(|place| (from..self.slots.len()).map(move |slot| (place, slot)))
-            .map(|(place, slot)| Candidate {
-                value: value(place, slot, &[]).1,
-                slot,
-                place,
-                num_planned: 0,
+        // The looks of each slot that may be chosen, the best on top; none of a slot that is taken.
+        let mut open: Vec<BinaryHeap<Candidate>> = (0..self.slots.len())
+            .map(|slot| {
+                let places = 0..if slot < from { 0 } else { self.places.len() };
+                let candidates = places.map(|place| Candidate {
+                    value: value(place, slot, &[]).1,
+                    slot,
+                    place,
+                    num_planned: 0,
+                });
+                candidates.collect()
             })
             .collect();
         let mut chosen = Vec::new();
         while chosen.len() < budget {
-            let Some(best) = heap.pop() else { break };
+            let tops = open.iter().filter_map(BinaryHeap::peek);
+            let Some(&best) = tops.max() else { break };
             let Candidate { place, slot, .. } = best;
-            if is_taken[slot] {
-                continue;
-            }
             let (gain, value) = value(place, slot, &planned[place]);
             if best.num_planned < planned[place].len() {
                 // It was worth that much before other looks were planned.
-                heap.push(Candidate {
+                open[slot].pop();
+                open[slot].push(Candidate {
                     value,
                     num_planned: planned[place].len(),
                     ..best
                 });
                 continue;
             }
-            is_taken[slot] = true;
+            open[slot].clear();
             let at = planned[place].partition_point(|&other| other < slot);
             planned[place].insert(at, slot);
             chosen.push(Chosen { slot, place, gain });

@@ -20,7 +20,7 @@ pub struct Opening {
     pub to: Time,
 }
 
-/// Where and how a robot is charged.
+/// Where and how a robot is charged; not before half of the time to run has passed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Charger {
     /// The place.
@@ -388,7 +388,8 @@ impl<'a> Search<'a> {
         let start = after_s(state.time, travel_s);
         let end = after_s(start, charger.charge_s);
         let spent_s = state.spent_s + travel_s;
-        let is_full = start == state.charged;
+        // Not before the battery is half empty.
+        let is_full = start.since_s(state.charged) < 0.5 * charger.run_s;
         if end > self.cfg.end || spent_s > self.cfg.budget_s || is_full {
             return None;
         }

@@ -8,6 +8,7 @@ mod check;
 mod config;
 mod edge;
 mod exchange;
+mod explore;
 mod failing;
 mod fixture;
 mod generations;

@@ -1,0 +1,225 @@
+//! What is there to explore, and what is known of it?
+
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use fremen::online::OnlineConfig;
+use fremen::series::Columns;
+use fremen::time::{TimeUnit, Zone};
+use fremen::visibility::{HistoryLog, VisibilityConfig, Visits, fit};
+use fremen::{Error, ErrorKind, Period, Series, Time};
+use fremen_explore::{Beliefs, Explored, Fitted, Recording};
+
+use super::unpacked::unpacked;
+use chronotope::map::{Map, Snapshot};
+
+/// Some places, learnt from what was seen before a moment.
+pub(super) struct Known {
+    explored: Box<dyn Explored>,
+    /// By whose clocks the rhythms were learnt.
+    zone: Option<Zone>,
+    /// Looks that were left out because they are not before that moment.
+    pub(super) num_later: usize,
+}
+
+impl Explored for Known {
+    fn num_places(&self) -> usize {
+        self.explored.num_places()
+    }
+
+    fn name(&self, place: usize) -> &str {
+        self.explored.name(place)
+    }
+
+    fn num_states(&self, place: usize) -> usize {
+        self.explored.num_states(place)
+    }
+
+    fn predict_into(&self, place: usize, time: Time, out: &mut [f64]) {
+        self.explored.predict_into(place, self.wall(time), out);
+    }
+
+    fn usual_into(&self, place: usize, time: Time, out: &mut [f64]) {
+        self.explored.usual_into(place, self.wall(time), out);
+    }
+
+    fn looks(&self, place: usize, time: Time) -> f64 {
+        self.explored.looks(place, self.wall(time))
+    }
+
+    fn kept(&self, place: usize, age_s: f64) -> f64 {
+        self.explored.kept(place, age_s)
+    }
+
+    fn last_look(&self, place: usize) -> Option<Time> {
+        self.explored.last_look(place)
+    }
+}
+
+impl Known {
+    fn wall(&self, time: Time) -> Time {
+        self.zone.as_ref().map_or(time, |zone| zone.wall(time))
+    }
+}
+
+/// How series are read and learnt.
+pub(super) struct Reading<'a> {
+    pub(super) unit: Option<TimeUnit>,
+    pub(super) zone: Option<&'a Zone>,
+    pub(super) model: &'a OnlineConfig,
+}
+
+/// A map, or series of which each is a place, as they were known before `before`.
+pub(super) fn known(files: &[PathBuf], reading: &Reading<'_>, before: Time) -> Result<Known> {
+    if let [file] = files
+        && is_map(file)?
+    {
+        let map = Map::open_read_only(file)?;
+        return of_map(&map.snapshot(), before).map_err(|error| error.with_path(file).into());
+    }
+    let series = read_series(files, reading)?;
+    let mut looks: Vec<(Time, usize, bool)> = Vec::new();
+    let mut num_later = 0;
+    for (place, (_, series)) in series.iter().enumerate() {
+        for &(time, state) in series.states() {
+            if time < before {
+                looks.push((reading.wall(time), place, state));
+            } else {
+                num_later += 1;
+            }
+        }
+    }
+    looks.sort_by_key(|&(time, place, _)| (time, place));
+    let names = series.iter().map(|(name, _)| (name.as_str(), 1));
+    let mut beliefs = Beliefs::new(names, reading.model);
+    let day = |time: Time| time.as_us().div_euclid(Period::DAY.as_us());
+    let mut today = None;
+    for (time, place, state) in looks {
+        // As a robot would have: conclusions are drawn once a day.
+        if today.is_some_and(|today| today != day(time)) {
+            beliefs.learn()?;
+        }
+        today = Some(day(time));
+        beliefs.observe(place, time, &[state])?;
+    }
+    beliefs.learn()?;
+    Ok(Known {
+        explored: Box::new(beliefs),
+        zone: reading.zone.cloned(),
+        num_later,
+    })
+}
+
+impl Reading<'_> {
+    fn wall(&self, time: Time) -> Time {
+        self.zone.map_or(time, |zone| zone.wall(time))
+    }
+}
+
+/// Whether a file begins as maps do; what maps are is checked when it is opened as one.
+fn is_map(path: &Path) -> fremen::Result<bool> {
+    if path == Path::new("-") {
+        return Ok(false);
+    }
+    let mut begin = Vec::new();
+    (fremen::file::open(path)?.take(16).read_to_end(&mut begin))
+        .map_err(|cause| Error::io(path, cause))?;
+    Ok(begin.starts_with(b"SQLite format 3\0"))
+}
+
+/// The features of each place of a map, by their natural rhythms and the clocks of the map's zone.
+fn of_map(snapshot: &Snapshot, before: Time) -> fremen::Result<Known> {
+    let zone = snapshot.meta.civil_zone()?;
+    let wall = |time: Time| zone.as_ref().map_or(time, |zone| zone.wall(time));
+    let mut fitted = Fitted::new();
+    let mut num_later = 0;
+    for node in &snapshot.nodes {
+        let mut log = HistoryLog::new();
+        for (visit, &time) in node.log.times().iter().enumerate() {
+            if time >= before {
+                num_later += 1;
+                continue;
+            }
+            let hidden = node.log.hidden_row(visit).cloned();
+            log.push_visit(wall(time), node.log.seen_row(visit).clone(), hidden)?;
+        }
+        let model = fit(&log, &VisibilityConfig::natural(), Visits::All)?;
+        let last = log.times().iter().max().copied();
+        fitted.push(node.key.as_str(), model, log.num_visits() as f64, last)?;
+    }
+    Ok(Known {
+        explored: Box::new(fitted),
+        zone,
+        num_later,
+    })
+}
+
+/// Series of CSV files; a place is named as its file.
+fn read_series(files: &[PathBuf], reading: &Reading<'_>) -> Result<Vec<(String, Series)>> {
+    let columns = Columns {
+        unit: reading.unit,
+        zone: reading.zone,
+        ..Columns::default()
+    };
+    let mut all: Vec<(String, Series)> = Vec::with_capacity(files.len());
+    for file in files {
+        let name = file
+            .file_name()
+            .unwrap_or(file.as_os_str())
+            .to_string_lossy();
+        let name = name
+            .split('.')
+            .find(|part| !part.is_empty())
+            .unwrap_or(&name)
+            .to_owned();
+        if all.iter().any(|(other, _)| *other == name) {
+            return Err(Error::new(
+                ErrorKind::AlreadyExists,
+                format!("two files are the place `{name}`"),
+            )
+            .with_path(file)
+            .with_help("a place is named as its file, up to the first dot; rename one")
+            .into());
+        }
+        let series =
+            Series::parse_csv(&unpacked(file)?, columns).map_err(|error| error.with_path(file))?;
+        all.push((name, series));
+    }
+    Ok(all)
+}
+
+/// The moments at which the states of all series are known; how many of others there are.
+pub(super) fn recording(files: &[PathBuf], reading: &Reading<'_>) -> Result<(Recording, usize)> {
+    let series = read_series(files, reading)?;
+    // The last of equal times.
+    let maps: Vec<BTreeMap<Time, bool>> = (series.iter())
+        .map(|(_, series)| {
+            let states = series.states().iter();
+            states
+                .map(|&(time, state)| (reading.wall(time), state))
+                .collect()
+        })
+        .collect();
+    let (Some(first), longest) = (maps.first(), maps.iter().map(BTreeMap::len).max()) else {
+        return Err(Error::new(ErrorKind::Shape, "there is no place to explore").into());
+    };
+    let is_common = |time: &&Time| maps.iter().all(|map| map.contains_key(time));
+    let times: Vec<Time> = first.keys().filter(is_common).copied().collect();
+    if times.is_empty() {
+        return Err(Error::new(
+            ErrorKind::Shape,
+            "there is no time at which the states of all series are known",
+        )
+        .with_help("a simulation needs series of the same times, such as one row a minute")
+        .into());
+    }
+    let num_others = longest.unwrap_or_default() - times.len();
+    let mut recording = Recording::new(times.clone())?;
+    for ((name, _), map) in series.iter().zip(&maps) {
+        let states = times.iter().map(|time| map[time]).collect();
+        recording.push(name.as_str(), 1, states)?;
+    }
+    Ok((recording, num_others))
+}

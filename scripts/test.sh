@@ -50,7 +50,7 @@ say "rustdoc"
 RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --lib --features opencv
 
 say "packages: what would be published"
-for package in fremen chronotope-store fremen-grid chronotope chronotope-cli; do
+for package in fremen chronotope-store fremen-grid fremen-explore chronotope chronotope-cli; do
     cargo package --locked --allow-dirty --list -p "$package" >/dev/null
 done
 

@@ -47,6 +47,7 @@ fn sources() -> impl Iterator<Item = (String, String)> {
         "src",
         "crates/cli/src",
         "crates/explore/src",
+        "crates/explore/src",
         "crates/fremen/src",
         "crates/grid/src",
         "crates/store/src",
@@ -63,12 +64,24 @@ fn found(words: &[&str], others: &[(&str, &str)]) -> Vec<String> {
     let mut found = Vec::new();
     for (path, code) in sources().filter(|(path, _)| !is_named(path)) {
         for (number, line) in code.lines().enumerate() {
-            if words.iter().any(|word| line.contains(word)) {
+            if words.iter().any(|word| names(line, word)) {
                 found.push(format!("{path}: line {}: {}", number + 1, line.trim()));
             }
         }
     }
     found
+}
+
+/// Whether `word` stands in a line, and not as the end of a longer name (`GridFile::open`).
+fn names(line: &str, word: &str) -> bool {
+    (line.match_indices(word)).any(|(at, _)| !line[..at].ends_with(|it: char| it.is_alphanumeric()))
+}
+
+#[test]
+fn a_longer_name_is_another_one() {
+    assert!(names("let it = std::fs::File::open(path)?;", "File::open"));
+    assert!(names("GridFile::open(a); File::open(b)", "File::open"));
+    assert!(!names("let it = GridFile::open(path)?;", "File::open"));
 }
 
 #[test]

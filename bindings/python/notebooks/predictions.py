@@ -84,7 +84,7 @@ for feature in changeable:
 axis.set_xlabel("days from Monday")
 axis.set_ylabel("p(t)")
 axis.set_ylim(-0.02, 1.02)
-axis.legend(fontsize=8)
+axis.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
 plt.tight_layout()
 
 # %% [markdown]
@@ -118,7 +118,7 @@ axis.barh(labels, wrong, left=located, color="#dc2626", label="located, wrong")
 axis.barh(labels, left, left=located + wrong, color="#94a3b8", label="ambiguous or unknown")
 axis.set_xlabel("queries")
 axis.set_ylabel("risk that is allowed")
-axis.legend(fontsize=8, loc="lower right")
+axis.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
 plt.tight_layout()
 
 # %% [markdown]

@@ -136,23 +136,18 @@ impl Explorer {
     pub fn plan(&mut self, start: Time, num_slots: usize) -> Result<&Plan> {
         self.beliefs.learn()?;
         let slots = Slots::new(start, self.cfg.slot, num_slots)?;
-        let budget = self.cfg.share.budget(&slots);
-        let nudge_seed = self.random.next_u64();
-        let mut outlook = None;
-        let plan = if self.cfg.strategy == Strategy::Information {
-            let outlook = outlook.insert(Outlook::new(&self.beliefs, &slots)?);
-            let mut plan = Plan::empty(slots);
-            choose(&mut plan, outlook, &self.beliefs, budget, nudge_seed, 0);
-            plan
-        } else {
-            let worth = Worth::new(&self.beliefs, &slots)?;
-            by_worth(&self.cfg, slots, &worth, &mut self.turn, &mut self.random)
-        };
+        let made = make(
+            &self.beliefs,
+            slots,
+            &self.cfg,
+            &mut self.turn,
+            &mut self.random,
+        )?;
         let present = self.present.insert(Present {
-            plan,
-            outlook,
-            budget,
-            nudge_seed,
+            plan: made.plan,
+            outlook: made.outlook,
+            budget: self.cfg.share.budget(&slots),
+            nudge_seed: made.nudge_seed,
             visited: None,
         });
         Ok(&present.plan)
@@ -202,6 +197,48 @@ impl Explorer {
     }
 }
 
+/// Plans `slots` by what is believed, learnt from now or fitted before.
+///
+/// Without places a plan has no visits. Fails where a model gives no probability.
+pub fn plan(explored: &dyn Explored, slots: Slots, cfg: &ExploreConfig) -> Result<Plan> {
+    let mut random = Random::new(cfg.seed);
+    Ok(make(explored, slots, cfg, &mut 0, &mut random)?.plan)
+}
+
+/// A plan with what is needed to go on from it.
+struct Made {
+    plan: Plan,
+    outlook: Option<Outlook>,
+    nudge_seed: u64,
+}
+
+fn make(
+    explored: &dyn Explored,
+    slots: Slots,
+    cfg: &ExploreConfig,
+    turn: &mut usize,
+    random: &mut Random,
+) -> Result<Made> {
+    let nudge_seed = random.next_u64();
+    if cfg.strategy != Strategy::Information {
+        let worth = Worth::new(explored, &slots)?;
+        return Ok(Made {
+            plan: by_worth(cfg, slots, &worth, turn, random),
+            outlook: None,
+            nudge_seed,
+        });
+    }
+    let outlook = Outlook::new(explored, &slots)?;
+    let mut plan = Plan::empty(slots);
+    let budget = cfg.share.budget(&slots);
+    choose(&mut plan, &outlook, explored, budget, nudge_seed, 0);
+    Ok(Made {
+        plan,
+        outlook: Some(outlook),
+        nudge_seed,
+    })
+}
+
 /// Plans of the strategies that look at the uncertainty of states, or at nothing.
 fn by_worth(
     cfg: &ExploreConfig,
@@ -228,7 +265,7 @@ const NUDGE: f64 = 0.01;
 fn choose(
     plan: &mut Plan,
     outlook: &Outlook,
-    beliefs: &Beliefs,
+    explored: &dyn Explored,
     budget: usize,
     seed: u64,
     from: usize,
@@ -241,7 +278,7 @@ fn choose(
         plan.clear(slot);
     }
     for chosen in outlook.choose(from, budget, nudge) {
-        let reason = outlook.reason(beliefs, &chosen);
+        let reason = outlook.reason(explored, &chosen);
         let info_bits = reason.bits_left().unwrap_or_default();
         plan.set(chosen.slot, chosen.place, info_bits, reason);
     }

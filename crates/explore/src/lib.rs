@@ -45,7 +45,7 @@
 //!
 //! # Files
 //!
-//! `explored` says what can be explored; `beliefs` learns it; `worth` and `outlook` say what a look
+//! `explored` says what can be explored; `roads` and `tour` say what driving allows; `beliefs` learns it; `worth` and `outlook` say what a look
 //! is worth; `uninformed`, `informed`, `novelty` and `explorer` choose; `plan` is what comes out;
 //! `recording` and `simulate` play a day's work through on data.
 
@@ -58,18 +58,23 @@ mod outlook;
 mod plan;
 mod random;
 mod recording;
+mod roads;
 mod simulate;
 mod slots;
 mod strategy;
+mod tour;
 mod uninformed;
 mod worth;
 
 pub use beliefs::Beliefs;
 pub use explored::{Explored, Fitted};
-pub use explorer::{ExploreConfig, Explorer};
+pub use explorer::{ExploreConfig, Explorer, plan};
+pub use outlook::{Prospect, plan_tour, prospects};
 pub use plan::{Plan, Reason, Share, Visit};
 pub use recording::Recording;
+pub use roads::Roads;
 pub use simulate::{Outcome, simulate};
 pub use slots::Slots;
 pub use strategy::Strategy;
+pub use tour::{Charger, Opening, Stop, Tour, TourConfig, TourStop, TourValue, tour};
 pub use worth::{Worth, entropy_bits};

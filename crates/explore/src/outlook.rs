@@ -16,11 +16,13 @@
 
 use std::f64::consts::LN_2;
 
-use fremen::{Result, Time};
+use fremen::{Error, ErrorKind, Result, Time};
 
 use crate::explored::{Explored, check_p};
 use crate::plan::Reason;
+use crate::roads::Roads;
 use crate::slots::Slots;
+use crate::tour::{Tour, TourConfig, tour};
 use crate::worth::entropy_bits;
 
 /// What a bit of the model counts beside a state that is known for one slot. Chosen on Aruba: 1
@@ -204,6 +206,85 @@ impl Outlook {
             model_bits: chosen.gain.model_bits,
         }
     }
+}
+
+/// What a look at one place in one slot would be worth, if nothing else were planned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prospect {
+    /// The place.
+    pub place: usize,
+    /// The mean over its states of p.
+    pub p: f64,
+    /// Uncertainty of its states at the look, in bits.
+    pub state_bits: f64,
+    /// For so many slots what is seen stays true.
+    pub slots: f64,
+    /// Looks that the model of this hour rests on.
+    pub looks: f64,
+    /// What a look tells of the model, in bits.
+    pub model_bits: f64,
+    /// What places are ranked by.
+    pub value: f64,
+}
+
+/// What a look in `slot` would be worth at each place, the best first: why a slot goes to a place.
+///
+/// Fails where a model gives no probability, or if there is no such slot.
+pub fn prospects(explored: &dyn Explored, slots: &Slots, slot: usize) -> Result<Vec<Prospect>> {
+    if slot >= slots.len() {
+        return Err(Error::new(
+            ErrorKind::NotFound,
+            format!("there is no slot {slot} of {}", slots.len()),
+        ));
+    }
+    let outlook = Outlook::new(explored, slots)?;
+    let mut prospects: Vec<Prospect> = (0..outlook.places.len())
+        .map(|place| {
+            let mut p = vec![0.0; explored.num_states(place)];
+            explored.predict_into(place, slots.middle(slot), &mut p);
+            let gain = outlook.gain(place, slot, &[]);
+            Prospect {
+                place,
+                p: p.iter().sum::<f64>() / p.len().max(1) as f64,
+                state_bits: p.iter().map(|&p| entropy_bits(p)).sum(),
+                slots: gain.slots,
+                looks: outlook.places[place].looks[slot],
+                model_bits: gain.model_bits,
+                value: gain.value(),
+            }
+        })
+        .collect();
+    prospects.sort_by(|a, b| b.value.total_cmp(&a.value).then(a.place.cmp(&b.place)));
+    Ok(prospects)
+}
+
+/// The tour that teaches most: places and times by what a look leaves behind, with driving,
+/// opening times and charging. Visits are counted by the slots in which they begin, and nothing
+/// after the last slot is worth anything.
+///
+/// Fails as [`tour`] does, and where a model gives no probability.
+pub fn plan_tour(
+    explored: &dyn Explored,
+    slots: &Slots,
+    roads: &Roads,
+    cfg: &TourConfig,
+) -> Result<Tour> {
+    let outlook = Outlook::new(explored, slots)?;
+    let value = |place: usize, start: Time, earlier: &[Time]| {
+        let Some(slot) = slots.slot_of(start) else {
+            return 0.0;
+        };
+        let planned: Vec<usize> = (earlier.iter())
+            .filter_map(|&time| slots.slot_of(time))
+            .filter(|&other| other < slot)
+            .collect();
+        // A second look in the same slot adds nothing.
+        if planned.len() < earlier.len() {
+            return 0.0;
+        }
+        outlook.gain(place, slot, &planned).value()
+    };
+    tour(&value, roads, cfg)
 }
 
 /// A look that was chosen.

@@ -1,4 +1,5 @@
-//! Prints which boxes of the thesis' world a grid foresees:
+//! Prints which boxes of the thesis' world a grid foresees.
+//!
 //! `cargo run --release -p fremen-grid --example grid_boxes -- [WORLDS]`
 
 use std::io::Write as _;

@@ -1,4 +1,5 @@
-//! Prints how well the scans of CARMEN logs make a map and are localised in it:
+//! Prints how well the scans of CARMEN logs make a map and are localised in it.
+//!
 //! `cargo run --release -p fremen-grid --example grid_carmen -- LOG...`
 
 use std::io::Write as _;

@@ -1,4 +1,5 @@
-//! Prints how often planned ways are blocked in a changing office:
+//! Prints how often planned ways are blocked in a changing office.
+//!
 //! `cargo run --release -p fremen-grid --example grid_journeys -- [OFFICES] [JOURNEYS] [dev]`
 
 use std::io::Write as _;

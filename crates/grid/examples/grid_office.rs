@@ -11,6 +11,9 @@ use fremen_grid::compress::{LossyGrid, pack, unpack, varint_bytes};
 use fremen_grid::simulation::Office3d;
 use fremen_grid::{CellModel, GridConfig, Result, TemporalGrid};
 
+/// Every 301st frame is compared: 57 a day, at other times each day.
+const STRIDE: usize = 301;
+
 fn main() -> Result<()> {
     let mut arguments = std::env::args().skip(1);
     let mut number = |default: u32| {
@@ -21,10 +24,20 @@ fn main() -> Result<()> {
     };
     let (num_days, seed) = (number(112), number(1));
     let mut say = Printer::new();
+    say.line(&format!("seed {seed}"));
     let office = Office3d::new(seed.into(), num_days)?;
+    let mut grid = observe(&office, &mut say)?;
+    let raw_bytes = (office.num_frames() * office.spec().num_cells()) as f64 / 8.0;
+    compress(&grid, raw_bytes, &mut say)?;
+    learn(&mut grid, raw_bytes, &mut say)?;
+    say.line(&format!("peak memory {}", peak_memory()));
+    Ok(())
+}
+
+/// A grid that has seen all frames.
+fn observe(office: &Office3d, say: &mut Printer) -> Result<TemporalGrid> {
     let mut grid = TemporalGrid::new(*office.spec(), GridConfig::default());
     let num_cells = office.spec().num_cells();
-
     // How long it takes to make the frames themselves.
     let start = Clock::start();
     let (mut frames, mut num_changes) = (office.frames(), 0);
@@ -43,7 +56,7 @@ fn main() -> Result<()> {
     let cpu_s = all.cpu_s - simulation.cpu_s;
     let num_observed = office.num_frames() as f64 * num_cells as f64;
     say.line(&format!(
-        "{num_cells} cells x {} frames, {num_changes} changes ({:.4} % a frame), seed {seed}",
+        "{num_cells} cells x {} frames, {num_changes} changes ({:.4} % a frame)",
         office.num_frames(),
         100.0 * num_changes as f64 / num_observed
     ));
@@ -60,8 +73,11 @@ fn main() -> Result<()> {
         memory.num_changing_cells,
         memory.observation_bytes as f64 / 1e6
     ));
+    Ok(grid)
+}
 
-    let raw_bytes = num_observed / 8.0;
+/// What all observations take, and whether they come back.
+fn compress(grid: &TemporalGrid, raw_bytes: f64, say: &mut Printer) -> Result<()> {
     let start = Clock::start();
     let packed = pack(grid.history())?;
     let took = start.elapsed();
@@ -75,56 +91,63 @@ fn main() -> Result<()> {
     ));
     let start = Clock::start();
     let is_same = unpack(&packed)? == *grid.history();
-    say.line(&format!(
-        "unpacked in {}: {}",
-        start.elapsed(),
-        if is_same { "the same" } else { "WRONG" }
-    ));
-    drop(packed);
+    let verdict = if is_same { "the same" } else { "NOT THE SAME" };
+    say.line(&format!("unpacked in {}: {verdict}", start.elapsed()));
+    Ok(())
+}
 
-    let day = CandidatePeriods::harmonic(Period::DAY, 24)?;
-    let week = CandidatePeriods::harmonic(Period::WEEK, 168)?;
-    let histogram = |period, num_bins| CellModel::Histogram { period, num_bins };
-    let models = [("day/1..24", &day), ("week/1..168", &week)];
-    let mut configs: Vec<(String, CellModel)> = Vec::new();
-    for (name, candidates) in models {
+/// Every model: how long it takes, what it gets wrong, and in how few bytes it is kept.
+fn learn(grid: &mut TemporalGrid, raw_bytes: f64, say: &mut Printer) -> Result<()> {
+    let mut models = Vec::new();
+    for (name, base, count) in [
+        ("day/1..24", Period::DAY, 24),
+        ("week/1..168", Period::WEEK, 168),
+    ] {
+        let candidates = CandidatePeriods::harmonic(base, count)?;
         for order in 0..=5 {
             let model = CellModel::Fremen {
                 candidates: candidates.clone(),
                 order,
             };
-            configs.push((format!("order {order} of {name}"), model));
+            models.push((
+                format!("order {order} of {name}"),
+                Some((base, count)),
+                model,
+            ));
         }
     }
-    configs.push(("hours of a day".into(), histogram(Period::DAY, 24)));
-    configs.push(("hours of a week".into(), histogram(Period::WEEK, 168)));
-    for (name, model) in configs {
+    for (name, period, num_bins) in [
+        ("hours of a day", Period::DAY, 24),
+        ("hours of a week", Period::WEEK, 168),
+    ] {
+        models.push((
+            name.to_owned(),
+            None,
+            CellModel::Histogram { period, num_bins },
+        ));
+    }
+    for (name, periods, model) in models {
         grid.set_config(GridConfig::new(model)?.with_persistence(false));
         let start = Clock::start();
         let fitted = grid.fitted();
         let learnt = start.elapsed();
-        let start = Clock::start();
-        let errors = fitted.errors(301);
+        let errors = fitted.errors(STRIDE);
         say.line(&format!(
             "{name:24} learnt in {learnt}; wrong {:6.3} %, static {:6.3} %, ratio {:.3} ({} cells, \
-             {} samples in {})",
+             {} samples)",
             100.0 * errors.rate(),
             100.0 * errors.static_rate(),
             errors.rate() / errors.static_rate(),
             errors.num_cells,
             errors.num_compared,
-            start.elapsed()
         ));
-        if let CellModel::Fremen { candidates, order } = fitted.config().model() {
-            let base = if candidates == &day {
-                Period::DAY
-            } else {
-                Period::WEEK
-            };
-            let lossy = LossyGrid::new(&fitted, base, candidates.len(), *order)?;
-            let (bytes, errors) = (lossy.to_bytes(), lossy.errors(&fitted, 301)?);
+        if let (Some((base, count)), CellModel::Fremen { order, .. }) =
+            (periods, fitted.config().model())
+        {
+            let lossy = LossyGrid::new(&fitted, base, count, *order)?;
+            let (bytes, errors) = (lossy.to_bytes(), lossy.errors(&fitted, STRIDE)?);
             say.line(&format!(
-                "{:24} lossy {:.3} MB, 1:{:.0}; wrong {:.3} %, ratio {:.3}",
+                "{:24} lossy {:.3} MB, 1:{:.0}; wrong {:6.3} %, ratio {:.3}",
                 "",
                 bytes.len() as f64 / 1e6,
                 raw_bytes / bytes.len() as f64,
@@ -133,7 +156,6 @@ fn main() -> Result<()> {
             ));
         }
     }
-    say.line(&format!("peak memory {}", peak_memory()));
     Ok(())
 }
 

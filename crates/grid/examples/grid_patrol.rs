@@ -1,4 +1,5 @@
-//! Prints how well robots localise in maps of a changing office:
+//! Prints how well robots localise in maps of a changing office.
+//!
 //! `cargo run --release -p fremen-grid --example grid_patrol -- [OFFICES] [PASSES] [dev]`
 
 use std::io::Write as _;

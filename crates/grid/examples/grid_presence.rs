@@ -1,4 +1,5 @@
-//! Prints how well a day of detections of people foretells others:
+//! Prints how well a day of detections of people foretells others.
+//!
 //! `cargo run --release -p fremen-grid --example grid_presence -- LEARNT FORESEEN`
 
 use std::io::Write as _;

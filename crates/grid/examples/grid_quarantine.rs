@@ -1,6 +1,12 @@
+<<<<<<< HEAD
 //! Prints how a grid deals with corrupted maps, and with furniture that was moved:
 //! `cargo run --release -p fremen-grid --example grid_quarantine -- [OFFICES] [FIRST_SEED]
 //! [dev] [moved] [list]`
+=======
+//! Prints how a grid deals with corrupted maps, and with furniture that was moved.
+//!
+//! `cargo run --release -p fremen-grid --example grid_quarantine -- [OFFICES] [dev] [moved] [list]`
+>>>>>>> main
 
 use std::io::Write as _;
 

@@ -66,3 +66,8 @@ pub use fremen::{Error, ErrorKind, Result, Time};
 pub use history::{FrameStream, History, Outcome, Verdict};
 pub use model::{CellModel, Errors, GridConfig};
 pub use temporal::{Explanation, FittedGrid, TemporalGrid};
+
+/// The README's examples, so that they compile.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

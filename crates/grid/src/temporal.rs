@@ -177,6 +177,19 @@ impl TemporalGrid {
     }
 }
 
+/// The probabilities of eight known cells, by the bits of those that are occupied.
+const STATES: [[f32; 8]; 256] = {
+    let mut states = [[0.0; 8]; 256];
+    let mut at = 0;
+    while at < 256 * 8 {
+        if (at / 8) >> (at % 8) & 1 == 1 {
+            states[at / 8][at % 8] = 1.0;
+        }
+        at += 1;
+    }
+    states
+};
+
 /// A grid whose models are up to date: any number of threads may query it.
 #[derive(Clone, Copy, Debug)]
 pub struct FittedGrid<'a> {
@@ -308,15 +321,19 @@ impl FittedGrid<'_> {
             .enumerate()
         {
             let plane = tile.plane(word);
-            if plane.known == u64::MAX && plane.occupied == 0 {
-                values.fill(0.0);
-                continue;
-            }
-            for (bit, value) in values.iter_mut().enumerate() {
-                // All bits set is a NaN.
-                let unknown = (plane.known >> bit & 1) as u32;
-                let occupied = (plane.occupied >> bit & 1) as u32;
-                *value = f32::from_bits(unknown.wrapping_sub(1) | (occupied * 1.0_f32.to_bits()));
+            let occupied = plane.occupied.to_le_bytes();
+            let known = plane.known.to_le_bytes();
+            let eights = values.chunks_exact_mut(8).zip(occupied).zip(known);
+            for ((values, occupied), known) in eights {
+                values.copy_from_slice(&STATES[usize::from(occupied)]);
+                if known != u8::MAX {
+                    let unknown = |bit: usize| known >> bit & 1 == 0;
+                    let hidden = values
+                        .iter_mut()
+                        .enumerate()
+                        .filter(|(bit, _)| unknown(*bit));
+                    hidden.for_each(|(_, value)| *value = f32::NAN);
+                }
             }
         }
         if let Some(model) = self.grid.models.get(slot).and_then(Option::as_deref)

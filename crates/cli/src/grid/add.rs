@@ -16,7 +16,7 @@ use fremen_grid::{GridFile, History, Thresholds};
 
 /// Make a grid of maps that were made at known times.
 ///
-/// The maps are those of ROS's map_server: a YAML file with a PGM or PNG picture beside it. They
+/// The maps are those of ROS's `map_server`: a YAML file with a PGM or PNG picture beside it. They
 /// must be on one raster, with one resolution and origins that differ by whole cells. The grid
 /// covers them all.
 #[derive(Debug, Args)]
@@ -24,7 +24,7 @@ use fremen_grid::{GridFile, History, Thresholds};
 Examples:
   chronotope grid build --maps patrols/ --out office.grid
   chronotope grid build --map a.yaml --time 2024-05-06T10:00:00Z --out office.grid")]
-pub(super) struct BuildArgs {
+pub(crate) struct BuildArgs {
     #[command(flatten)]
     maps: MapArgs,
     /// The file to write; one that exists is never overwritten.
@@ -40,7 +40,7 @@ pub(super) struct BuildArgs {
 Examples:
   chronotope grid add office.grid --map patrol.yaml --time 2024-05-06T10:00:00Z
   chronotope grid add office.grid --maps june/")]
-pub(super) struct AddArgs {
+pub(crate) struct AddArgs {
     /// The grid file.
     grid: PathBuf,
     #[command(flatten)]
@@ -54,7 +54,7 @@ pub(super) struct AddArgs {
 #[command(after_help = "\
 Examples:
   chronotope grid merge monday.grid tuesday.grid --out week.grid")]
-pub(super) struct MergeArgs {
+pub(crate) struct MergeArgs {
     /// The grid files.
     #[arg(required = true, num_args = 2.., value_name = "GRID")]
     grids: Vec<PathBuf>,

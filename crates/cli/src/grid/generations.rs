@@ -18,7 +18,7 @@ use fremen_grid::file::Access;
 #[command(after_help = "\
 Examples:
   chronotope grid verify office.grid")]
-pub(super) struct VerifyArgs {
+pub(crate) struct VerifyArgs {
     /// The grid file.
     grid: PathBuf,
     /// One JSON object.
@@ -31,7 +31,7 @@ pub(super) struct VerifyArgs {
 #[command(after_help = "\
 Examples:
   chronotope grid log office.grid")]
-pub(super) struct LogArgs {
+pub(crate) struct LogArgs {
     /// The grid file.
     grid: PathBuf,
     /// One JSON object a generation.
@@ -45,7 +45,7 @@ pub(super) struct LogArgs {
 Examples:
   chronotope grid log office.grid
   chronotope grid rollback office.grid --to 41")]
-pub(super) struct RollbackArgs {
+pub(crate) struct RollbackArgs {
     /// The grid file.
     grid: PathBuf,
     /// The generation, as `grid log` numbers them.
@@ -58,7 +58,7 @@ pub(super) struct RollbackArgs {
 #[command(after_help = "\
 Examples:
   chronotope grid prune office.grid --keep-last 10")]
-pub(super) struct PruneArgs {
+pub(crate) struct PruneArgs {
     /// The grid file.
     grid: PathBuf,
     /// Keep so many of the newest.
@@ -76,7 +76,7 @@ pub(super) struct PruneArgs {
 #[command(after_help = "\
 Examples:
   chronotope grid forget office.grid --before 2023-01-01T00:00:00Z")]
-pub(super) struct ForgetArgs {
+pub(crate) struct ForgetArgs {
     /// The grid file.
     grid: PathBuf,
     /// When, in RFC 3339 with an offset.

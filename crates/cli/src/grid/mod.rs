@@ -4,7 +4,6 @@ mod add;
 mod generations;
 mod model;
 mod predict;
-mod robot;
 mod show;
 
 use anyhow::Result;
@@ -29,8 +28,6 @@ pub(super) enum GridCommand {
     Export(predict::ExportArgs),
     Inspect(show::InspectArgs),
     Explain(show::ExplainArgs),
-    Localize(robot::LocalizeArgs),
-    Plan(robot::PlanArgs),
     Merge(add::MergeArgs),
     Verify(generations::VerifyArgs),
     Log(generations::LogArgs),
@@ -47,8 +44,6 @@ pub(super) fn run(command: &GridCommand, out: &mut Output) -> Result<Outcome> {
         GridCommand::Export(args) => predict::export(args, out),
         GridCommand::Inspect(args) => show::inspect(args, out),
         GridCommand::Explain(args) => show::explain(args, out),
-        GridCommand::Localize(args) => robot::localize(args, out),
-        GridCommand::Plan(args) => robot::plan(args, out),
         GridCommand::Merge(args) => add::merge(args, out),
         GridCommand::Verify(args) => generations::verify(args, out),
         GridCommand::Log(args) => generations::log(args, out),

@@ -25,14 +25,14 @@ const PNG: OutputKind = OutputKind {
 
 /// Predict the map of a time.
 ///
-/// It is written for ROS's map_server with --out (2-D), as a picture with --png, or summed up.
+/// It is written for ROS's `map_server` with --out (2-D), as a picture with --png, or summed up.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   chronotope grid predict office.grid --time 2024-05-07T14:00:00Z
   chronotope grid predict office.grid --time 2024-05-07T14:00:00Z --out now.yaml --mode scale
   chronotope grid predict office.grid --time 2024-05-07T14:00:00Z --png now.png --base week")]
-pub(super) struct PredictArgs {
+pub(crate) struct PredictArgs {
     /// The grid file.
     grid: PathBuf,
     /// When, in RFC 3339 with an offset.
@@ -59,7 +59,7 @@ pub(super) struct PredictArgs {
 #[command(after_help = "\
 Examples:
   chronotope grid export office.grid --from 2024-05-07T00:00:00Z --every-h 1 --count 24 --out day/")]
-pub(super) struct ExportArgs {
+pub(crate) struct ExportArgs {
     /// The grid file.
     grid: PathBuf,
     /// The time of the first map.
@@ -102,6 +102,17 @@ impl Mode {
 }
 
 pub(super) fn predict(args: &PredictArgs, out: &mut Output) -> Result<Outcome> {
+    if let (Some(map), Some(png)) = (&args.out, &args.png)
+        && map.with_extension("png") == *png
+        && matches!(args.mode, Mode::Scale)
+    {
+        return Err(
+            Error::new(ErrorKind::Config, "two pictures would have this name")
+                .with_path(png)
+                .with_help("in mode scale the map's own picture is a PNG: choose another --png")
+                .into(),
+        );
+    }
     let mut grid = open(&args.grid, &args.model)?;
     let spec = *grid.spec();
     let fitted = grid.fitted();
@@ -184,7 +195,7 @@ pub(super) fn export(args: &ExportArgs, out: &mut Output) -> Result<Outcome> {
         fitted.predict_into(time, &mut map)?;
         let name = format!("{number:05}.yaml");
         write_map(&map, &args.out.join(&name), args.mode)?;
-        index.push_str(&format!("{time},{name}\n"));
+        index.push_str(&[&time.to_string(), ",", &name, "\n"].concat());
         progress.reach(number as usize + 1);
     }
     let path = args.out.join("index.csv");

@@ -22,7 +22,7 @@ Examples:
   chronotope grid inspect office.grid
   chronotope grid inspect office.grid --png rhythms.png --base week
   chronotope grid inspect office.grid --json | jq .num_observations")]
-pub(super) struct InspectArgs {
+pub(crate) struct InspectArgs {
     /// The grid file.
     grid: PathBuf,
     /// A picture of the strongest rhythm of each cell: a week is red, a day green, an hour blue.
@@ -41,7 +41,7 @@ pub(super) struct InspectArgs {
 Examples:
   chronotope grid explain office.grid --at 1.25 3.5 --time 2024-05-07T14:00:00Z
   chronotope grid explain office.grid --at 1.25 3.5 --time 2024-05-07T14:00:00Z --base week --json")]
-pub(super) struct ExplainArgs {
+pub(crate) struct ExplainArgs {
     /// The grid file.
     grid: PathBuf,
     /// Where, in metres: x and y, in 3-D also z.

@@ -6,4 +6,5 @@ mod coin;
 mod future;
 mod plans;
 mod real_data;
+mod tours;
 mod worlds;

@@ -6,10 +6,12 @@
 
 mod index;
 mod map_server;
+mod mode;
 mod picture;
 mod place;
 mod yaml;
 
 pub use index::{IndexEntry, read_index};
-pub use map_server::{MapMode, MapServerMap, UNKNOWN};
+pub use map_server::{MapServerMap, UNKNOWN};
+pub use mode::MapMode;
 pub use place::{common_spec, patch_of};

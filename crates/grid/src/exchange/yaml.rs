@@ -4,7 +4,7 @@ use std::path::{Component, Path, PathBuf};
 
 use fremen::{Error, ErrorKind, Result};
 
-use super::map_server::MapMode;
+use super::mode::MapMode;
 
 /// The most bytes that such a file has: it has seven lines.
 const MAX_BYTES: u64 = 1 << 16;

@@ -1,7 +1,6 @@
-//! Prints how a grid deals with corrupted maps, and with furniture that was moved.
-//!
-//! `cargo run --release -p fremen-grid --example grid_quarantine -- [OFFICES] [FIRST_SEED]
-//! [dev] [moved] [list]`
+//! How does a grid deal with corrupted maps, and with furniture that was moved? Prints a table:
+//! `cargo run --release -p fremen-grid --example grid_quarantine -- [OFFICES] [FIRST_SEED] [dev]
+//! [moved] [list]`
 
 use std::io::Write as _;
 

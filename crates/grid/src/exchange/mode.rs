@@ -1,4 +1,4 @@
-//! What do the shades of a map_server picture mean?
+//! What do the shades of a `map_server` picture mean?
 
 /// What shades mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

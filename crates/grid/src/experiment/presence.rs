@@ -1,6 +1,6 @@
 //! Where will people be tomorrow, by where they were today?
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 
 use flate2::read::MultiGzDecoder;

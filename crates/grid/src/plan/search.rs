@@ -205,7 +205,7 @@ impl Planner {
                 let length_m = here.length_m + step_m;
                 let p = buckets.p(next, length_m)?;
                 // NaN is unknown.
-                if !(p < self.blocked) {
+                if p.is_nan() || p >= self.blocked {
                     continue;
                 }
                 let risk_step = -f64::from(1.0 - p).ln() * step_m / self.obstacle_m;

@@ -80,7 +80,7 @@ mod tests {
             map.set(index, is_known.then(|| random.uniform() as f32));
         }
         let found = inflated(&map, 0.25, None);
-        for index in 0..spec.num_cells() {
+        for (index, &found) in found.iter().enumerate() {
             let here = spec.center(spec.cell(index));
             let near = (0..spec.num_cells()).filter(|&other| {
                 let there = spec.center(spec.cell(other));
@@ -88,10 +88,10 @@ mod tests {
             });
             let all: Vec<Option<f32>> = near.map(|other| map.get(other)).collect();
             if all.iter().any(Option::is_none) {
-                assert!(found[index].is_nan());
+                assert!(found.is_nan());
             } else {
                 let highest = all.iter().flatten().fold(0.0_f32, |a, b| a.max(*b));
-                assert_eq!(found[index], highest);
+                assert_eq!(found, highest);
             }
         }
         assert!(inflated(&map, 0.25, Some(0.3)).iter().all(|p| !p.is_nan()));

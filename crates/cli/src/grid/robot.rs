@@ -26,7 +26,7 @@ use fremen_grid::{GridFile, OccupancyMap, TemporalGrid, Thresholds};
 Examples:
   chronotope grid localize office.grid --log run.log.gz --time 2024-05-07T14:00:00Z --at 1.5 2 0
   chronotope grid localize office.grid --log run.log.gz --time 2024-05-07T14:00:00Z --json")]
-pub(in super::super) struct LocalizeArgs {
+pub(crate) struct LocalizeArgs {
     /// The grid file.
     grid: PathBuf,
     /// The log, which may be packed by gzip.
@@ -57,7 +57,7 @@ pub(in super::super) struct LocalizeArgs {
 Examples:
   chronotope grid plan office.grid --from 1.5 2 --to 12 3.5 --time 2024-05-07T14:00:00Z
   chronotope grid plan office.grid --from 1.5 2 --to 12 3.5 --time 2024-05-07T14:00:00Z --json")]
-pub(in super::super) struct PlanArgs {
+pub(crate) struct PlanArgs {
     /// The grid file.
     grid: PathBuf,
     /// Where the robot is, in metres.

@@ -265,8 +265,13 @@ impl PyMap {
         let preset = preset_of(&map.snapshot().meta);
         let cfg = learn_config(preset, config.as_ref(), keep_appearances)?;
         let cfg = TrainingConfig::new(preset, cfg).with_num_threads(checked_threads(threads)?);
+        let open = if map.is_read_only() {
+            Map::open_read_only
+        } else {
+            Map::open
+        };
         let mut training = detached(py, || {
-            Map::open(&self.path).and_then(|map| Training::to_update(map, &data, &cfg))
+            open(&self.path).and_then(|map| Training::to_update(map, &data, &cfg))
         })?;
         let report = learn_folder::run(py, &mut training, progress.as_ref())?;
         detached(py, || map.refresh())?;

@@ -285,7 +285,7 @@ fn a_robot_plans_by_the_hour_and_finds_itself_in_a_log() {
     assert_eq!(found.len(), 2);
     let y = found[1]["y_m"].as_f64().unwrap();
     assert!((y - 2.5).abs() < 0.1, "{}", found[1]);
-    fixture.write("cut.log", format!("{scan}{}", &scan[..20]));
+    fixture.write("cut.log", format!("{scan}{}", &scan[..18]));
     fixture.fails(
         &format!("{line} --log cut.log"),
         &["cut.log", "line 2", "cut before"],

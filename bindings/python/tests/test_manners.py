@@ -18,6 +18,11 @@ import pytest
 import chronotope
 
 
+def hear_ctrl_c() -> None:
+    """For the process that is interrupted."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def interrupted(code: str, tmp_path: pathlib.Path, *arguments: object) -> tuple[int, str, float]:
     """Runs a script, presses Ctrl-C half a second after it prints `ready`, and gives its exit code, what
     it printed, and how long it went on."""
@@ -28,6 +33,8 @@ def interrupted(code: str, tmp_path: pathlib.Path, *arguments: object) -> tuple[
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
+        # A shell that starts the tests in the background has its children ignore Ctrl-C.
+        preexec_fn=hear_ctrl_c if os.name != "nt" else None,
     )
     assert process.stdout is not None
     for line in process.stdout:

@@ -177,7 +177,6 @@ pub struct Training {
     num_images: usize,
     /// The size that all images have or are scaled to, and how many are scaled.
     scaled: (Option<(u32, u32)>, usize),
-    zone: Option<String>,
     session: SessionId,
     extractor: Box<dyn Extractor>,
     learner: OnlineLearner,
@@ -285,7 +284,6 @@ impl Training {
         Ok(Self {
             session: SessionId::derive(&dataset.name),
             leaves_out_blind: false,
-            zone: map.snapshot().meta.zone.clone(),
             out: map.path().to_owned(),
             learner: OnlineLearner::new(map, learn, cfg.commit_interval)?,
             pool: cfg.pool()?,
@@ -325,11 +323,6 @@ impl Training {
     /// Whether the dataset's times are times, or only number the visits.
     pub fn clock(&self) -> Clock {
         self.dataset.clock
-    }
-
-    /// The map's zone.
-    pub fn zone(&self) -> Option<&str> {
-        self.zone.as_deref()
     }
 
     /// The map as it is so far: MAP.part until [`finish`](Self::finish), where one is built.

@@ -1,6 +1,6 @@
 //! How does a grid deal with corrupted maps, and with furniture that was moved? Prints a table:
 //! `cargo run --release -p fremen-grid --example grid_quarantine -- [OFFICES] [FIRST_SEED] [dev]
-//! [moved] [list]`
+//! [moved] [guarded] [list]`
 
 use std::io::Write as _;
 
@@ -21,6 +21,9 @@ fn main() -> Result<()> {
         config.layout = Layout::Development;
         config.seeds = (100..100 + count).collect();
     }
+    if has("guarded") {
+        config.with_unguarded = false;
+    }
     if has("moved") {
         config.rearranged_at = Some(40);
         config.corrupted = 0.0;
@@ -29,31 +32,20 @@ fn main() -> Result<()> {
     let mut text = report.table();
     if has("list") {
         for office in &report.offices {
-            for (number, (with, without)) in
-                office.guarded.iter().zip(&office.unguarded).enumerate()
-            {
-                text += &[
-                    format!(
-                        "{} {number:2} {:8}",
-                        office.seed,
-                        format!("{:?}", with.corruption)
-                    ),
-                    format!(
-                        " with: {:.3} {:.3} {:.3}",
-                        with.disagreement, with.error, with.lost_by_m
-                    ),
-                    format!(
-                        " {}{}",
-                        u8::from(with.is_quarantined),
-                        u8::from(with.is_adopted)
-                    ),
-                    format!(
-                        " without: {:.3} {:.3} ",
-                        without.disagreement, without.error
-                    ),
-                    format!("{:.3}\n", without.lost_by_m),
-                ]
-                .concat();
+            for (number, patrol) in office.guarded.iter().enumerate() {
+                text += &format!(
+                    "{} {number:2} {:8} wrong {:.4} expected {:.4} limit {:.4} error {:.4} lost \
+                     {:.3} {}{}\n",
+                    office.seed,
+                    format!("{:?}", patrol.corruption),
+                    patrol.disagreement,
+                    patrol.expected,
+                    patrol.limit,
+                    patrol.error,
+                    patrol.lost_by_m,
+                    patrol.reason.map_or(String::new(), |it| format!("{it:?}")),
+                    if patrol.is_adopted { " adopted" } else { "" },
+                );
             }
         }
     }

@@ -10,7 +10,7 @@ use crate::localize::{
 };
 use crate::pose::{Pose2, wrap};
 use crate::random::Random;
-use crate::registration::{Decision, Guard, GuardConfig, compare, resampled};
+use crate::registration::{Decision, Guard, GuardConfig, Reason, compare, resampled};
 use crate::simulation::{Drive, Layout, Office};
 use crate::temporal::TemporalGrid;
 
@@ -33,6 +33,8 @@ pub struct QuarantineConfig {
     pub resolution_m: f64,
     /// How maps are judged.
     pub guard: GuardConfig,
+    /// Whether the same patrols are also made without a guard.
+    pub with_unguarded: bool,
 }
 
 impl Default for QuarantineConfig {
@@ -46,6 +48,7 @@ impl Default for QuarantineConfig {
             rearranged_at: None,
             resolution_m: 0.05,
             guard: GuardConfig::default(),
+            with_unguarded: true,
         }
     }
 }
@@ -79,6 +82,12 @@ pub struct PatrolResult {
     pub corruption: Corruption,
     /// Share of cells of the map that were predicted wrongly (the axis of figure 7).
     pub disagreement: f64,
+    /// The share that the prediction itself expected to be wrong, and the largest that was usual.
+    pub expected: f64,
+    /// See [`expected`](Self::expected); infinite without a judgement.
+    pub limit: f64,
+    /// Why the map was not believed.
+    pub reason: Option<Reason>,
     /// Share of cells of the true map that were predicted wrongly before this patrol.
     pub error: f64,
     /// Whether the map was kept out.
@@ -96,7 +105,7 @@ pub struct OfficePatrols {
     pub seed: u64,
     /// With the guard.
     pub guarded: Vec<PatrolResult>,
-    /// The same patrols without.
+    /// The same patrols without; empty where they were not made.
     pub unguarded: Vec<PatrolResult>,
 }
 
@@ -210,7 +219,11 @@ pub fn quarantine(config: &QuarantineConfig) -> Result<QuarantineReport> {
             Ok(OfficePatrols {
                 seed,
                 guarded: patrols(seed, Care::Guarded, config)?,
-                unguarded: patrols(seed, Care::None, config)?,
+                unguarded: if config.with_unguarded {
+                    patrols(seed, Care::None, config)?
+                } else {
+                    Vec::new()
+                },
             })
         })
         .collect::<Result<_>>()?;
@@ -251,6 +264,9 @@ fn patrols(seed: u64, care: Care, config: &QuarantineConfig) -> Result<Vec<Patro
         let mut result = PatrolResult {
             corruption,
             disagreement: compare(&predicted, &map, thresholds).disagreement,
+            expected: 0.0,
+            limit: f64::INFINITY,
+            reason: None,
             error: compare(&predicted, &truth, thresholds).disagreement,
             is_quarantined: false,
             is_adopted: false,
@@ -258,22 +274,26 @@ fn patrols(seed: u64, care: Care, config: &QuarantineConfig) -> Result<Vec<Patro
         };
         let observed: Vec<(Time, OccupancyMap)> = match care {
             Care::None => vec![(time, map)],
-            Care::Guarded => match guard.judge(&predicted, &map, time)? {
-                Decision::Integrate(map, judgement) => {
-                    result.disagreement = judgement.disagreement;
-                    vec![(time, map)]
+            Care::Guarded => {
+                let decision = guard.judge("", &predicted, &map, time)?;
+                let judgement = *decision.judgement();
+                result.disagreement = judgement.disagreement;
+                result.expected = judgement.expected;
+                result.limit = judgement.limit;
+                result.reason = judgement.reason;
+                match decision {
+                    Decision::Integrate(map, _) => vec![(time, map)],
+                    Decision::Quarantine(_) => {
+                        result.is_quarantined = true;
+                        Vec::new()
+                    }
+                    Decision::Adopt(held, _) => {
+                        result.is_adopted = true;
+                        let maps = held.into_iter().map(|it| (it.judgement.time, it.map));
+                        maps.collect()
+                    }
                 }
-                Decision::Quarantine(judgement) => {
-                    result.disagreement = judgement.disagreement;
-                    result.is_quarantined = true;
-                    Vec::new()
-                }
-                Decision::Adopt(maps, judgement) => {
-                    result.disagreement = judgement.disagreement;
-                    result.is_adopted = true;
-                    maps
-                }
-            },
+            }
         };
         for (time, map) in observed {
             grid.observe(&patch_of(&map), time)?;

@@ -10,6 +10,8 @@ pub struct Comparison {
     /// surface that lies one cell beside the predicted one is no contradiction: that is the laser's
     /// noise.
     pub disagreement: f64,
+    /// The disagreement to be expected if the prediction's probabilities are right.
+    pub expected: f64,
     /// Cells that were compared: known to both, and near a surface of either. (In the middle of
     /// free space everything agrees, which would hide failures.)
     pub num_compared: usize,
@@ -33,6 +35,7 @@ pub fn compare(
 ) -> Comparison {
     let mut comparison = Comparison {
         disagreement: 0.0,
+        expected: 0.0,
         num_compared: 0,
         appeared: Vec::new(),
         vanished: Vec::new(),
@@ -45,7 +48,7 @@ pub fn compare(
     let same_m = SAME_CELLS * spec.resolution_m();
     let expected = DistanceField::new(predicted, thresholds, 2.0 * reach_m);
     let found = DistanceField::new(observed, thresholds, 2.0 * reach_m);
-    let (mut wrong, mut all) = (0.0, 0.0);
+    let (mut wrong, mut doubtful, mut all) = (0.0, 0.0, 0.0);
     for index in 0..spec.num_cells() {
         if expected.of_cell(index) > reach_m && found.of_cell(index) > reach_m {
             continue;
@@ -59,6 +62,10 @@ pub fn compare(
         }
         let sureness = f64::from((2.0 * p - 1.0).abs());
         all += sureness;
+        // What is beside a predicted surface is excused, whether it is one or not.
+        if states[0] == CellState::Occupied || expected.of_cell(index) > same_m {
+            doubtful += sureness * f64::from(p.min(1.0 - p));
+        }
         comparison.num_compared += 1;
         if states[0] == states[1] {
             continue;
@@ -75,6 +82,7 @@ pub fn compare(
     }
     if all > 0.0 {
         comparison.disagreement = wrong / all;
+        comparison.expected = doubtful / all;
     }
     comparison
 }

@@ -2,10 +2,17 @@
 //!
 //! Mapping may fail, and one wrong map can destroy a grid for good (IROS 2016, sections III-C and
 //! V-C). Nothing is known beforehand of how much changes in a building from patrol to patrol, so the
-//! limit follows from the grid's own past: the median of past disagreements and k of their
-//! median absolute deviations (MAD).
+//! limit follows from the grid's own past and from the prediction itself:
+//!
+//! `limit = median(D_h) + k max(MAD(D_h), E)`
+//!
+//! D_h are the disagreements of believed maps at similar hours of the day: a night in which nothing
+//! moves says nothing of what is usual at noon. E is the disagreement that the predicted map expects
+//! of itself ([`Comparison::expected`]): where many cells are uncertain, much may be otherwise, and
+//! a single door that was forgotten open in a quiet night is no failure of mapping. Shifts are judged
+//! by the median and the median absolute deviation (MAD) of all hours, as they depend on none.
 
-use fremen::{Result, Time};
+use fremen::{Period, Result, Time};
 
 use crate::cells::OccupancyMap;
 use crate::localize::DistanceField;
@@ -17,8 +24,12 @@ use crate::registration::resample::resampled;
 /// How a [`Guard`] judges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GuardConfig {
-    /// How many MADs above the median a map is still usual.
+    /// How many deviations above the median of similar hours a disagreement is still usual.
     pub k: f64,
+    /// How many MADs above the median a shift is still usual.
+    pub k_shift: f64,
+    /// How many maps of similar hours are compared with.
+    pub num_similar: usize,
     /// How many maps are integrated before any is judged: nothing is known of what is usual yet, so
     /// somebody should have a look at these. They should come from all hours of a few days: what is
     /// usual at night is too little by day.
@@ -36,7 +47,9 @@ pub struct GuardConfig {
 impl Default for GuardConfig {
     fn default() -> Self {
         Self {
-            k: 7.0,
+            k: 3.0,
+            k_shift: 7.0,
+            num_similar: 16,
             num_trusted: 24,
             num_past: 50,
             num_repeats: 3,
@@ -66,12 +79,21 @@ pub struct Judgement {
     pub registration: Option<Registration>,
     /// Share of wrongly predicted cells, after it was moved.
     pub disagreement: f64,
+    /// The share that the prediction itself expects to be wrong.
+    pub expected: f64,
     /// The largest share that is usual; infinite as long as maps are trusted.
     pub limit: f64,
     /// The largest shift that is usual; infinite likewise.
     pub shift_limit_m: f64,
     /// Why it is not believed; none where it is.
     pub reason: Option<Reason>,
+}
+
+impl Judgement {
+    /// Whether the map was moved on a grid with such cells: less than half a cell leaves it as it is.
+    pub fn is_moved(&self, cell_m: f64) -> bool {
+        self.registration.is_some_and(|found| found.shift_m >= 0.5 * cell_m)
+    }
 }
 
 /// A map that is not believed.
@@ -81,7 +103,21 @@ pub struct Quarantined {
     pub map: OccupancyMap,
     /// What was found.
     pub judgement: Judgement,
-    comparison: Comparison,
+    /// Who made it.
+    pub observer: String,
+    /// Surfaces that contradict the prediction: new ones, and lost ones.
+    pub contradictions: [Vec<usize>; 2],
+}
+
+/// What is remembered of a believed map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Believed {
+    /// When it was made.
+    pub time: Time,
+    /// Its share of wrongly predicted cells.
+    pub disagreement: f64,
+    /// How far it had to be moved; none where nothing was predicted yet.
+    pub shift_m: Option<f64>,
 }
 
 /// What is to be done with a map.
@@ -92,7 +128,7 @@ pub enum Decision {
     /// Leave the grid as it is; the guard keeps the map.
     Quarantine(Judgement),
     /// The same change has come again: observe these maps at their times, oldest first.
-    Adopt(Vec<(Time, OccupancyMap)>, Judgement),
+    Adopt(Vec<Quarantined>, Judgement),
 }
 
 impl Decision {
@@ -110,24 +146,39 @@ impl Decision {
 #[derive(Clone, Debug)]
 pub struct Guard {
     config: GuardConfig,
-    /// Of believed maps, oldest first.
-    disagreements: Vec<f64>,
-    shifts_m: Vec<f64>,
+    /// Oldest first.
+    past: Vec<Believed>,
     quarantined: Vec<Quarantined>,
     /// How many of the last maps were quarantined one after another.
     num_in_row: usize,
+    num_dropped: usize,
 }
 
 impl Guard {
     /// A guard that has seen nothing yet.
     pub const fn new(config: GuardConfig) -> Self {
+        Self::resume(config, Vec::new(), Vec::new(), 0)
+    }
+
+    /// A guard that goes on where another one ended, by what that one gave of itself.
+    pub const fn resume(
+        config: GuardConfig,
+        past: Vec<Believed>,
+        quarantined: Vec<Quarantined>,
+        num_in_row: usize,
+    ) -> Self {
         Self {
             config,
-            disagreements: Vec::new(),
-            shifts_m: Vec::new(),
-            quarantined: Vec::new(),
-            num_in_row: 0,
+            past,
+            quarantined,
+            num_in_row,
+            num_dropped: 0,
         }
+    }
+
+    /// What it remembers of believed maps, oldest first.
+    pub fn past(&self) -> &[Believed] {
+        &self.past
     }
 
     /// Maps that are not believed, oldest first.
@@ -135,34 +186,86 @@ impl Guard {
         &self.quarantined
     }
 
+    /// How many of the last maps were quarantined one after another.
+    pub const fn num_in_row(&self) -> usize {
+        self.num_in_row
+    }
+
+    /// How many quarantined maps were dropped for want of room since it was made.
+    pub const fn num_dropped(&self) -> usize {
+        self.num_dropped
+    }
+
     /// Gives a quarantined map to somebody who believes it.
-    pub fn accept(&mut self, time: Time) -> Option<OccupancyMap> {
-        let at = self
-            .quarantined
-            .iter()
-            .position(|held| held.judgement.time == time)?;
-        let held = self.quarantined.remove(at);
+    pub fn accept(&mut self, observer: &str, time: Time) -> Option<Quarantined> {
+        let held = self.discard(observer, time)?;
         self.remember(&held.judgement);
-        Some(held.map)
+        Some(held)
     }
 
-    /// Forgets a quarantined map; false where there is none of that time.
-    pub fn discard(&mut self, time: Time) -> bool {
-        let before = self.quarantined.len();
-        self.quarantined.retain(|held| held.judgement.time != time);
-        self.quarantined.len() < before
+    /// Forgets a quarantined map; none where there is none of that time.
+    pub fn discard(&mut self, observer: &str, time: Time) -> Option<Quarantined> {
+        let is_meant = |held: &Quarantined| held.judgement.time == time && held.observer == observer;
+        let at = self.quarantined.iter().position(is_meant)?;
+        if at + self.num_in_row >= self.quarantined.len() {
+            self.num_in_row -= 1;
+        }
+        Some(self.quarantined.remove(at))
     }
 
-    /// Judges a map against the prediction of its time.
+    /// Judges a map, which `observer` has made, against the prediction of its time.
     ///
     /// # Errors
     /// Never by what the maps hold; as [`register`] where the search is none.
     pub fn judge(
         &mut self,
+        observer: &str,
         predicted: &OccupancyMap,
         observed: &OccupancyMap,
         time: Time,
     ) -> Result<Decision> {
+        let (map, judgement, comparison) = self.look(predicted, observed, time);
+        if judgement.reason.is_none() {
+            self.remember(&judgement);
+            // What agrees with the prediction speaks against a rearrangement.
+            self.num_in_row = 0;
+            return Ok(Decision::Integrate(map, judgement));
+        }
+        self.quarantined.push(Quarantined {
+            map,
+            judgement,
+            observer: observer.to_owned(),
+            contradictions: [comparison.appeared, comparison.vanished],
+        });
+        self.num_in_row += 1;
+        if self.quarantined.len() > self.config.num_kept.max(self.config.num_repeats) {
+            self.quarantined.remove(0);
+            self.num_dropped += 1;
+        }
+        Ok(self
+            .adopt(judgement)
+            .unwrap_or(Decision::Quarantine(judgement)))
+    }
+
+    /// Remembers a map that somebody else believes, and gives it as it lies on the prediction.
+    pub fn trust(
+        &mut self,
+        predicted: &OccupancyMap,
+        observed: &OccupancyMap,
+        time: Time,
+    ) -> (OccupancyMap, Judgement) {
+        let (map, mut judgement, _) = self.look(predicted, observed, time);
+        judgement.reason = None;
+        self.remember(&judgement);
+        (map, judgement)
+    }
+
+    fn look(
+        &self,
+        predicted: &OccupancyMap,
+        observed: &OccupancyMap,
+        time: Time,
+    ) -> (OccupancyMap, Judgement, Comparison) {
         let registration = register(predicted, observed, &self.config.search).ok();
         let motion = registration.map_or_else(Pose2::default, |found| {
             // What moves no cell to another one leaves the map as it is.
@@ -181,24 +284,7 @@ impl Guard {
             predicted.spec().resolution_m(),
             time,
         );
-        if judgement.reason.is_none() {
-            self.remember(&judgement);
-            // What agrees with the prediction speaks against a rearrangement.
-            self.num_in_row = 0;
-            return Ok(Decision::Integrate(map, judgement));
-        }
-        self.quarantined.push(Quarantined {
-            map,
-            judgement,
-            comparison,
-        });
-        self.num_in_row += 1;
-        if self.quarantined.len() > self.config.num_kept.max(self.config.num_repeats) {
-            self.quarantined.remove(0);
-        }
-        Ok(self
-            .adopt(judgement)
-            .unwrap_or(Decision::Quarantine(judgement)))
+        (map, judgement, comparison)
     }
 
     fn weigh(
@@ -208,22 +294,24 @@ impl Guard {
         cell_m: f64,
         time: Time,
     ) -> Judgement {
-        let is_trusted = self.disagreements.len() < self.config.num_trusted;
         let mut judgement = Judgement {
             time,
             registration,
             disagreement: comparison.disagreement,
+            expected: comparison.expected,
             limit: f64::INFINITY,
             shift_limit_m: f64::INFINITY,
             reason: None,
         };
-        if is_trusted {
+        if self.past.len() < self.config.num_trusted {
             return judgement;
         }
         // One cell among those that are compared is the smallest difference there is.
         let one = 1.0 / comparison.num_compared.max(1) as f64;
-        judgement.limit = limit(&self.disagreements, self.config.k, one);
-        judgement.shift_limit_m = limit(&self.shifts_m, self.config.k, SMALLEST_CELLS * cell_m);
+        let least = comparison.expected.max(one);
+        judgement.limit = limit(&self.similar(time), self.config.k, least);
+        let shifts: Vec<f64> = self.past.iter().filter_map(|it| it.shift_m).collect();
+        judgement.shift_limit_m = limit(&shifts, self.config.k_shift, SMALLEST_CELLS * cell_m);
         judgement.reason = match registration {
             None => Some(Reason::Nothing),
             _ if comparison.num_compared == 0 => Some(Reason::Nothing),
@@ -234,18 +322,27 @@ impl Guard {
         judgement
     }
 
+    /// The disagreements of maps that were made at similar hours; of equally similar ones the newer.
+    fn similar(&self, time: Time) -> Vec<f64> {
+        let day = Period::DAY.as_us();
+        let apart = |other: &Believed| {
+            let apart = (other.time.as_us().wrapping_sub(time.as_us())).rem_euclid(day);
+            apart.min(day - apart)
+        };
+        let mut similar: Vec<&Believed> = self.past.iter().rev().collect();
+        similar.sort_by_key(|it| apart(it));
+        let nearest = similar.iter().take(self.config.num_similar.max(1));
+        nearest.map(|it| it.disagreement).collect()
+    }
+
     fn remember(&mut self, judgement: &Judgement) {
-        for (past, value) in [
-            (&mut self.disagreements, Some(judgement.disagreement)),
-            (
-                &mut self.shifts_m,
-                judgement.registration.map(|found| found.shift_m),
-            ),
-        ] {
-            past.extend(value);
-            if past.len() > self.config.num_past {
-                past.remove(0);
-            }
+        self.past.push(Believed {
+            time: judgement.time,
+            disagreement: judgement.disagreement,
+            shift_m: judgement.registration.map(|found| found.shift_m),
+        });
+        if self.past.len() > self.config.num_past {
+            self.past.remove(0);
         }
     }
 
@@ -254,21 +351,19 @@ impl Guard {
         let first = self.quarantined.len().saturating_sub(self.num_in_row);
         let row = &self.quarantined[first..];
         let newest = row.last()?;
-        let again: Vec<Time> = (row.iter())
-            .filter(|held| is_same_change(newest, held))
-            .map(|held| held.judgement.time)
-            .collect();
-        if again.len() < self.config.num_repeats.max(2) {
+        let is_again: Vec<bool> = row.iter().map(|held| is_same_change(newest, held)).collect();
+        if is_again.iter().filter(|it| **it).count() < self.config.num_repeats.max(2) {
             return None;
         }
         let mut adopted = Vec::new();
-        self.quarantined.retain(|held| {
-            let is_adopted = again.contains(&held.judgement.time);
-            if is_adopted {
-                adopted.push((held.judgement.time, held.map.clone()));
+        let row = self.quarantined.split_off(first);
+        for (held, is_again) in row.into_iter().zip(is_again) {
+            if is_again {
+                adopted.push(held);
+            } else {
+                self.quarantined.push(held);
             }
-            !is_adopted
-        });
+        }
         self.num_in_row = 0;
         Some(Decision::Adopt(adopted, judgement))
     }
@@ -302,8 +397,8 @@ fn is_same_change(a: &Quarantined, b: &Quarantined) -> bool {
     let (mut num_same, mut num_all) = (0_usize, 0_usize);
     for (from, to) in [(a, b), (b, a)] {
         for (mine, theirs) in [
-            (&from.comparison.appeared, &to.comparison.appeared),
-            (&from.comparison.vanished, &to.comparison.vanished),
+            (&from.contradictions[0], &to.contradictions[0]),
+            (&from.contradictions[1], &to.contradictions[1]),
         ] {
             let mut is_theirs = vec![false; spec.num_cells()];
             for &index in theirs {

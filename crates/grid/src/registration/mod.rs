@@ -11,5 +11,5 @@ mod resample;
 
 pub use align::{Registration, Search, register};
 pub use compare::{Comparison, compare};
-pub use guard::{Decision, Guard, GuardConfig, Judgement, Quarantined, Reason};
+pub use guard::{Believed, Decision, Guard, GuardConfig, Judgement, Quarantined, Reason};
 pub use resample::resampled;

@@ -8,6 +8,10 @@
 //! | scale | -1 where transparent; between the thresholds `rint(100 (occ - free) / (occupied - free))` | `(100 - c) / 100`, transparent where unknown |
 //! | raw | `round(255 s)` where that is at most 100, else -1; `negate` is ignored | c, 255 where unknown |
 //!
+//! In trinary mode `map_server` takes the opacity of a picture that has one for a fourth colour: the
+//! shade of a grey pixel s with opacity a is (3 s + a) / 4. So an opaque pixel of 205 is *free* there,
+//! and not unknown as in a picture without opacity.
+//!
 //! Row 0 of the picture is the one with the highest y. `map_server`'s own default `free_thresh` of
 //! 0.25 reads the unknown that it writes (205, occ 0.196) as *free*; what is written here has
 //! thresholds with which every value comes back.
@@ -130,7 +134,7 @@ impl MapServerMap {
         let rows = picture.pixels.chunks_exact(width as usize).rev();
         let values = rows
             .flatten()
-            .map(|&pixel| value_of(pixel, &description))
+            .map(|&pixel| value_of(pixel, picture.has_alpha, &description))
             .collect();
         Ok(Self { spec, values })
     }
@@ -163,6 +167,7 @@ impl MapServerMap {
         let picture = Picture {
             width: w,
             height: h,
+            has_alpha: mode == MapMode::Scale,
             pixels: rows.map(|&value| pixel_of(value, mode)).collect(),
         };
         let [x, y, _] = self.spec.origin_m();
@@ -193,8 +198,12 @@ fn write_file(path: &Path, kind: OutputKind, bytes: &[u8]) -> Result<()> {
 }
 
 /// As `nav2_map_server` reads a pixel.
-fn value_of([shade, alpha]: [u8; 2], description: &Description) -> i8 {
-    let shade = f64::from(shade) / 255.0;
+fn value_of([shade, alpha]: [u8; 2], has_alpha: bool, description: &Description) -> i8 {
+    let shade = if has_alpha && description.mode == MapMode::Trinary {
+        (3.0 * f64::from(shade) + f64::from(alpha)) / (4.0 * 255.0)
+    } else {
+        f64::from(shade) / 255.0
+    };
     let occ = if description.negate {
         shade
     } else {

@@ -17,6 +17,8 @@ const MAX_PIXELS: u64 = 1 << 28;
 pub(super) struct Picture {
     pub(super) width: u32,
     pub(super) height: u32,
+    /// Whether the file has an opacity for each pixel.
+    pub(super) has_alpha: bool,
     /// `[shade, alpha]`, 0 is black, 0 is transparent.
     pub(super) pixels: Vec<[u8; 2]>,
 }
@@ -158,6 +160,7 @@ fn read_pgm(bytes: &[u8]) -> Result<Picture> {
     Ok(Picture {
         width: width as u32,
         height: height as u32,
+        has_alpha: false,
         pixels: shades.into_iter().map(pixel).collect(),
     })
 }
@@ -182,7 +185,9 @@ fn read_png(bytes: &[u8]) -> Result<Picture> {
     {
         return Err(deep());
     }
-    let pixels = match DynamicImage::from_decoder(decoder).map_err(broken)? {
+    let image = DynamicImage::from_decoder(decoder).map_err(broken)?;
+    let has_alpha = image.color().has_alpha();
+    let pixels = match image {
         DynamicImage::ImageLuma8(image) => image.pixels().map(|it| [it.0[0], u8::MAX]).collect(),
         DynamicImage::ImageLumaA8(image) => image.pixels().map(|it| it.0).collect(),
         // Drawing programs write grey as three equal channels.
@@ -196,6 +201,7 @@ fn read_png(bytes: &[u8]) -> Result<Picture> {
     Ok(Picture {
         width,
         height,
+        has_alpha,
         pixels,
     })
 }

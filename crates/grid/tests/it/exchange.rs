@@ -55,6 +55,54 @@ proptest! {
     }
 }
 
+/// The values in a file: a row of the map in each line, the lowest first, as in an `OccupancyGrid`.
+fn golden(folder: &Path, name: &str) -> Vec<i8> {
+    let text = fs::read_to_string(folder.join(name).with_extension("csv")).unwrap();
+    let cells = text.lines().flat_map(|line| line.split(','));
+    cells.map(|cell| cell.parse().unwrap()).collect()
+}
+
+/// The values beside these files were computed from `nav2_map_server`'s rules (`map_io.cpp`,
+/// `loadMapFromFile`) by a program that shares nothing with this crate.
+#[test]
+fn golden_files_have_the_values_of_nav2_in_every_cell() {
+    let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
+    for name in [
+        "trinary",
+        "trinary-negated",
+        "trinary-default-thresholds",
+        "trinary-with-opacity",
+        "scale",
+        "scale-every-shade",
+        "raw",
+        "raw-every-shade",
+    ] {
+        let map = MapServerMap::read(files.join(name).with_extension("yaml")).unwrap();
+        assert_eq!(map.values(), golden(&files, name), "{name}");
+        assert_eq!(map.spec().origin_m(), [-1.5, 2.25, 0.0], "{name}");
+        assert_eq!(map.spec().resolution_m(), 0.05, "{name}");
+    }
+}
+
+/// What is read of a golden file and written in its mode is read as the same again, and where
+/// nothing is scaled it is the same picture, byte by byte.
+#[test]
+fn golden_files_come_back_in_their_mode() {
+    let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
+    let folder = folder();
+    for mode in MODES {
+        let from = files.join(mode.name()).with_extension("yaml");
+        let map = MapServerMap::read(&from).unwrap();
+        let to = folder.path().join(mode.name()).with_extension("yaml");
+        map.write(&to, mode).unwrap();
+        assert_eq!(MapServerMap::read(&to).unwrap(), map, "{}", mode.name());
+        let bytes = |path: &Path| fs::read(path.with_extension("pgm")).unwrap();
+        if mode != MapMode::Scale {
+            assert_eq!(bytes(&to), bytes(&from), "{}", mode.name());
+        }
+    }
+}
+
 /// What `nav2_map_server` gives for these shades, by its source's rules.
 #[test]
 fn shades_mean_what_map_server_says() {

@@ -64,7 +64,7 @@ pub use cells::{CellState, GridSpec, OccupancyMap, Patch, Thresholds};
 pub use file::GridFile;
 pub use fremen::{Error, ErrorKind, Result, Time};
 pub use history::{FrameStream, History, Outcome, Verdict};
-pub use model::{CellModel, Errors, GridConfig};
+pub use model::{CellModel, Errors, GridConfig, Persistence};
 pub use temporal::{Explanation, FittedGrid, TemporalGrid};
 
 /// The README's examples, so that they compile.

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::cells::{CellState, OccupancyMap, Patch, Thresholds};
 use crate::experiment::world::sure;
-use crate::model::{CellModel, GridConfig};
+use crate::model::{CellModel, GridConfig, Persistence};
 use crate::pose::{Pose2, wrap};
 use crate::random::Random;
 use crate::scan::{InverseSensorModel, ScanMapper};
@@ -43,7 +43,13 @@ impl Default for BoxesConfig {
 }
 
 /// How maps are predicted.
-pub const PREDICTED_BY: [&str; 4] = ["FreMEn", "FreMEn + persistence", "last", "averaged"];
+pub const PREDICTED_BY: [&str; 5] = [
+    "FreMEn",
+    "FreMEn + persistence",
+    "FreMEn + surprise",
+    "last",
+    "averaged",
+];
 
 /// Counts of predicted cells.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -94,7 +100,9 @@ impl BoxCounts {
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoxesReport {
     /// For each of [`PREDICTED_BY`].
-    pub counts: [BoxCounts; 4],
+    pub counts: [BoxCounts; 5],
+    /// The same of each world.
+    pub worlds: Vec<[BoxCounts; 5]>,
 }
 
 impl BoxesReport {
@@ -132,32 +140,33 @@ fn candidates() -> Result<CandidatePeriods> {
 /// # Errors
 /// As the grid.
 pub fn boxes(config: &BoxesConfig) -> Result<BoxesReport> {
-    let worlds: Vec<[BoxCounts; 4]> = (config.seeds.par_iter())
+    let worlds: Vec<[BoxCounts; 5]> = (config.seeds.par_iter())
         .map(|&seed| in_world(seed, config))
         .collect::<Result<_>>()?;
-    let mut counts = [BoxCounts::default(); 4];
+    let mut counts = [BoxCounts::default(); 5];
     for world in &worlds {
         for (sum, counts) in counts.iter_mut().zip(world) {
             sum.add(counts);
         }
     }
-    Ok(BoxesReport { counts })
+    Ok(BoxesReport { counts, worlds })
 }
 
-fn in_world(seed: u64, config: &BoxesConfig) -> Result<[BoxCounts; 4]> {
+fn in_world(seed: u64, config: &BoxesConfig) -> Result<[BoxCounts; 5]> {
     let world = Boxes::new(seed, config.periods);
     let spec = world.spec(config.resolution_m)?;
     let fremen = GridConfig::fremen(candidates()?, 2)?;
     let mut grids = [
         TemporalGrid::new(spec, fremen.clone().with_persistence(false)),
-        TemporalGrid::new(spec, fremen),
+        TemporalGrid::new(spec, fremen.clone()),
+        TemporalGrid::new(spec, fremen.with_persistence_of(Persistence::Surprise)),
         TemporalGrid::new(spec, GridConfig::new(CellModel::LastObservation)?),
         TemporalGrid::new(
             spec,
             GridConfig::new(CellModel::Mean)?.with_persistence(false),
         ),
     ];
-    let mut counts = [BoxCounts::default(); 4];
+    let mut counts = [BoxCounts::default(); 5];
     let mut random = Random::stream(seed, &[0x0042_4f58]);
     let mut mapper = ScanMapper::new(spec, InverseSensorModel::ideal());
     let mut predicted = OccupancyMap::new_unknown(spec);

@@ -31,11 +31,28 @@ pub enum CellModel {
     LastObservation,
 }
 
+/// What the last observation of a cell says of later times; w = e^(-dt / tau), dt after it, tau the
+/// mean time that a state of the cell lasts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Persistence {
+    /// Nothing: p(t) = f(t).
+    None,
+    /// The state stays for a while: p(t) = w s + (1 - w) f(t) (IROS 2016 eq. 2).
+    #[default]
+    State,
+    /// What the rhythms did not foresee stays for a while: p(t) = f(t) + w (s - f(t_last)), cut to
+    /// 0..=1.
+    ///
+    /// Deviation: a state that the rhythms had foreseen says nothing new, so it does not outlive the
+    /// change that they foresee. Without rhythms, f is constant and this is [`Self::State`].
+    Surprise,
+}
+
 /// How a grid predicts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GridConfig {
     model: CellModel,
-    persists: bool,
+    persistence: Persistence,
     guards: bool,
 }
 
@@ -51,7 +68,7 @@ impl Default for GridConfig {
         });
         Self {
             model,
-            persists: true,
+            persistence: Persistence::State,
             guards: true,
         }
     }
@@ -91,8 +108,18 @@ impl GridConfig {
     /// Whether the last observation counts more the less time has passed since
     /// (IROS 2016 eq. 2).
     #[must_use]
-    pub fn with_persistence(mut self, persists: bool) -> Self {
-        self.persists = persists;
+    pub fn with_persistence(self, persists: bool) -> Self {
+        self.with_persistence_of(if persists {
+            Persistence::State
+        } else {
+            Persistence::None
+        })
+    }
+
+    /// What the last observation says of later times.
+    #[must_use]
+    pub fn with_persistence_of(mut self, persistence: Persistence) -> Self {
+        self.persistence = persistence;
         self
     }
 
@@ -109,9 +136,14 @@ impl GridConfig {
         &self.model
     }
 
+    /// What the last observation says of later times.
+    pub const fn persistence(&self) -> Persistence {
+        self.persistence
+    }
+
     /// Whether the last observation is taken into account.
-    pub const fn persists(&self) -> bool {
-        self.persists
+    pub fn persists(&self) -> bool {
+        self.persistence != Persistence::None
     }
 
     /// Whether unsupported periods are left out.

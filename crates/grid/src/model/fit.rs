@@ -7,9 +7,9 @@ use fremen::spectrum::strongest;
 use rayon::prelude::*;
 
 use super::columns::{Columns, Prefixes, from_fixed};
-use super::config::{CellModel, GridConfig};
+use super::config::{CellModel, GridConfig, Persistence};
 use super::stats::Stats;
-use super::tile_model::{CellRecord, Term, TileModel};
+use super::tile_model::{CellRecord, Moment, Term, TileModel};
 use crate::cells::CellState;
 use crate::history::{CellLog, Change, Changes, History, Tile};
 
@@ -156,9 +156,27 @@ impl<'a> Group<'a> {
         let all = prefixes.before(self.times_us.len());
         let supported = self.supported();
         let records = cells.par_iter().zip(sums.par_iter_mut());
-        records
+        let mut records: Vec<CellRecord> = records
             .map(|(cell, sums)| self.record(cell, sums, all, &supported))
-            .collect()
+            .collect();
+        if self.config.persistence() == Persistence::Surprise {
+            self.compare_with_last(cells, &mut records);
+        }
+        records
+    }
+
+    /// Says of each cell by how much it was otherwise than foreseen when it was last seen.
+    fn compare_with_last(&self, cells: &[&Cell<'_>], records: &mut [CellRecord]) {
+        // Most cells of a tile were last seen at the same time.
+        let mut moments: BTreeMap<u32, Moment> = BTreeMap::new();
+        for (cell, record) in cells.iter().zip(records) {
+            let visit = cell.stats.last_visit;
+            let moment = moments.entry(visit).or_insert_with(|| {
+                Moment::new(self.config, Time::from_us(self.times_us[visit as usize]))
+            });
+            let state = f32::from(u8::from(record.is_occupied));
+            record.surprise = state - record.periodic(moment);
+        }
     }
 
     fn record(

@@ -18,7 +18,7 @@ mod fit;
 mod stats;
 mod tile_model;
 
-pub use config::{CellModel, GridConfig, MAX_ORDER};
+pub use config::{CellModel, GridConfig, MAX_ORDER, Persistence};
 pub use errors::Errors;
 pub(crate) use errors::errors;
 pub(crate) use fit::fit;

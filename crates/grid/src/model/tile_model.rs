@@ -3,7 +3,7 @@
 use fremen::{CandidatePeriods, Period, Time};
 
 use super::columns::bin;
-use super::config::{CellModel, GridConfig};
+use super::config::{CellModel, GridConfig, Persistence};
 use crate::cells::CellState;
 
 /// A rhythm of a cell: the factors of `cos(w_k t)` and `sin(w_k t)`.
@@ -25,6 +25,8 @@ pub(crate) struct CellRecord {
     pub(crate) age_s: f32,
     /// Whether it was occupied then.
     pub(crate) is_occupied: bool,
+    /// Where surprises persist: its state then (0 or 1) less f(t) then.
+    pub(crate) surprise: f32,
     /// Strongest first.
     pub(crate) terms: Vec<Term>,
     pub(crate) bins: Vec<f32>,
@@ -44,6 +46,8 @@ pub(crate) struct TileModel {
     rate: Vec<f32>,
     age_s: Vec<f32>,
     occupied: Vec<f32>,
+    /// Empty where surprises do not persist.
+    surprise: Vec<f32>,
     /// The strongest rhythm of all cells, then the second of all, ...
     terms: Vec<Term>,
     /// The bins of one cell after another.
@@ -58,8 +62,23 @@ pub(crate) struct Moment {
     phasors: Vec<[f32; 2]>,
     /// The bin of the time, and how many there are.
     bin: Option<(usize, usize)>,
-    persists: bool,
+    persistence: Persistence,
     only_last: bool,
+}
+
+impl CellRecord {
+    /// f(t) in [0, 1]: the same as [`TileModel::periodic`] of one cell.
+    pub(crate) fn periodic(&self, moment: &Moment) -> f32 {
+        if let Some((bin, _)) = moment.bin {
+            return self.bins.get(bin).copied().unwrap_or(self.mean);
+        }
+        let mut p = self.mean;
+        for term in &self.terms {
+            let [cos, sin] = moment.phasors[usize::from(term.k)];
+            p += term.cos * cos + term.sin * sin;
+        }
+        p.clamp(0.0, 1.0)
+    }
 }
 
 impl Moment {
@@ -68,7 +87,7 @@ impl Moment {
             time,
             phasors: Vec::new(),
             bin: None,
-            persists: config.persists(),
+            persistence: config.persistence(),
             only_last: matches!(config.model(), CellModel::LastObservation),
         };
         match config.model() {
@@ -114,6 +133,11 @@ impl TileModel {
                 .iter()
                 .map(|it| f32::from(u8::from(it.is_occupied)))
                 .collect(),
+            surprise: if records.iter().any(|it| it.surprise != 0.0) {
+                records.iter().map(|it| it.surprise).collect()
+            } else {
+                Vec::new()
+            },
             terms: (0..order)
                 .flat_map(|o| records.iter().map(move |it| term(o, it)))
                 .collect(),
@@ -143,6 +167,7 @@ impl TileModel {
             rate: self.rate[i],
             age_s: self.age_s[i],
             is_occupied: self.occupied[i] > 0.5,
+            surprise: self.surprise.get(i).copied().unwrap_or(0.0),
             terms: self.terms(self.cells[i].into()),
             bins: self.bins[i * num_bins..(i + 1) * num_bins].to_vec(),
         };
@@ -186,7 +211,7 @@ impl TileModel {
         self.periodic(moment, &mut all);
         let weight = if moment.only_last {
             1.0
-        } else if moment.persists {
+        } else if moment.persistence != Persistence::None {
             exp_of_negative(self.age_s[i] + self.elapsed_s(moment), self.rate[i])
         } else {
             0.0
@@ -210,8 +235,9 @@ impl TileModel {
             .map_or(0.0, |last| moment.time.since_s(last) as f32)
     }
 
-    /// `p(t) = s e^(-abs(t - t_l) / tau) + f(t) (1 - e^(-abs(t - t_l) / tau))`, IROS 2016 eq. 2;
-    /// the distance in time counts on both sides, so that the past can be predicted, too.
+    /// `p(t) = s e^(-abs(t - t_l) / tau) + f(t) (1 - e^(-abs(t - t_l) / tau))`, IROS 2016 eq. 2, or
+    /// what [`Persistence::Surprise`] says; the distance in time counts on both sides, so that the
+    /// past can be predicted, too.
     fn evaluate(&self, moment: &Moment, out: &mut Vec<f32>) {
         if moment.only_last {
             out.clear();
@@ -219,10 +245,19 @@ impl TileModel {
             return;
         }
         self.periodic(moment, out);
-        if !moment.persists {
-            return;
-        }
         let elapsed_s = self.elapsed_s(moment);
+        match moment.persistence {
+            Persistence::None => return,
+            Persistence::Surprise => {
+                let cells = out.iter_mut().zip(&self.rate).zip(&self.age_s);
+                for (((p, &rate), &age_s), &surprise) in cells.zip(&self.surprise) {
+                    let weight = exp_of_negative(elapsed_s + age_s, rate);
+                    *p = (*p + surprise * weight).clamp(0.0, 1.0);
+                }
+                return;
+            }
+            Persistence::State => {}
+        }
         let cells = out
             .iter_mut()
             .zip(&self.rate)
@@ -273,6 +308,7 @@ impl TileModel {
                 + self.rate.capacity()
                 + self.age_s.capacity()
                 + self.occupied.capacity()
+                + self.surprise.capacity()
                 + self.bins.capacity())
                 * 4
             + self.terms.capacity() * size_of::<Term>()

@@ -118,7 +118,8 @@ fn boxes_with_known_periods_are_foreseen() -> Result<()> {
     };
     let report = boxes(&config)?;
     assert_eq!(report, boxes(&config)?);
-    let [_, persistent, last, averaged] = report.counts;
+    let [_, persistent, _, last, averaged] = report.counts;
+    assert_eq!(report.worlds.len(), 1);
     assert!(persistent.recall() > 0.75, "{persistent:?}");
     assert!(
         persistent.accuracy() > averaged.accuracy(),

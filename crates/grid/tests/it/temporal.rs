@@ -2,7 +2,8 @@
 
 use fremen::{CandidatePeriods, Period};
 use fremen_grid::{
-    CellModel, CellState, ErrorKind, GridConfig, GridSpec, OccupancyMap, Patch, TemporalGrid, Time,
+    CellModel, CellState, ErrorKind, GridConfig, GridSpec, OccupancyMap, Patch, Persistence,
+    TemporalGrid, Time,
 };
 use proptest::prelude::*;
 
@@ -23,10 +24,15 @@ fn arb_config() -> impl Strategy<Value = GridConfig> {
         Just(CellModel::Mean),
         Just(CellModel::LastObservation),
     ];
-    (model, any::<bool>()).prop_map(|(model, persists)| {
+    let persistence = prop_oneof![
+        Just(Persistence::None),
+        Just(Persistence::State),
+        Just(Persistence::Surprise),
+    ];
+    (model, persistence).prop_map(|(model, persistence)| {
         GridConfig::new(model)
             .unwrap()
-            .with_persistence(persists)
+            .with_persistence_of(persistence)
             .with_guards(false)
     })
 }

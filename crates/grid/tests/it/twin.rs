@@ -1,7 +1,7 @@
 //! A dense grid that keeps every observation of every cell: slow, simple, right.
 
 use fremen::spectrum::strongest;
-use fremen_grid::{CellModel, CellState, GridConfig, GridSpec, Patch, Time};
+use fremen_grid::{CellModel, CellState, GridConfig, GridSpec, Patch, Persistence, Time};
 use proptest::prelude::*;
 
 /// What one observer saw at one time.
@@ -93,7 +93,31 @@ pub(crate) fn predict(series: &[(Time, bool)], config: &GridConfig, time: Time) 
     if mean == 0.0 || mean == 1.0 {
         return Some(last);
     }
-    let periodic = match config.model() {
+    let f = |time| periodic(series, config, mean, time);
+    if matches!(config.model(), CellModel::LastObservation) {
+        return Some(last);
+    }
+    if !config.persists() {
+        return Some(f(time));
+    }
+    let speed: f64 = (series.windows(2))
+        .filter(|pair| pair[0].1 != pair[1].1)
+        .map(|pair| pair[1].0.since_s(pair[0].0))
+        .filter(|&dt| dt > 0.0)
+        .map(|dt| 1.0 / dt)
+        .sum();
+    let rate = speed / (num - 1.0);
+    let weight = (-time.since_s(last_time).abs() * rate).exp();
+    Some(match config.persistence() {
+        Persistence::Surprise => (f(time) + weight * (last - f(last_time))).clamp(0.0, 1.0),
+        _ => last * weight + f(time) * (1.0 - weight),
+    })
+}
+
+/// f(t) of a cell that was seen in both states, with this mean.
+fn periodic(series: &[(Time, bool)], config: &GridConfig, mean: f64, time: Time) -> f64 {
+    let num = series.len() as f64;
+    match config.model() {
         CellModel::Fremen { candidates, order } => {
             let count = candidates.len();
             let mut g = vec![0.0; 2 * count];
@@ -128,19 +152,6 @@ pub(crate) fn predict(series: &[(Time, bool)], config: &GridConfig, time: Time) 
                 n => same.iter().filter(|&&it| it).count() as f64 / n as f64,
             }
         }
-        CellModel::LastObservation => return Some(last),
         _ => mean,
-    };
-    if !config.persists() {
-        return Some(periodic);
     }
-    let speed: f64 = (series.windows(2))
-        .filter(|pair| pair[0].1 != pair[1].1)
-        .map(|pair| pair[1].0.since_s(pair[0].0))
-        .filter(|&dt| dt > 0.0)
-        .map(|dt| 1.0 / dt)
-        .sum();
-    let rate = speed / (num - 1.0);
-    let weight = (-time.since_s(last_time).abs() * rate).exp();
-    Some(last * weight + periodic * (1.0 - weight))
 }

@@ -183,6 +183,15 @@ impl CellState {
     pub const fn is_known(self) -> bool {
         !matches!(self, Self::Unknown)
     }
+
+    /// How likely a cell in this state is occupied; none where it is unknown.
+    pub const fn as_probability(self) -> Option<f32> {
+        match self {
+            Self::Free => Some(0.0),
+            Self::Occupied => Some(1.0),
+            Self::Unknown => None,
+        }
+    }
 }
 
 /// The probability of being occupied of each cell of a grid at one time.

@@ -21,6 +21,7 @@
 //! | [`scan`] | what does a planar laser say about cells? |
 //! | [`localize`] | where is the robot in a map, and is the map still right? |
 //! | [`registration`] | does a patrol's map belong into the grid, and where? |
+//! | [`lifelong`] | how does a grid take in the maps of years without being harmed by one of them? |
 //! | [`plan`] | which way is short, and free at the time at which the robot comes there? |
 //! | [`simulation`] | what would a robot have seen in a world whose truth is known? |
 //! | [`experiment`] | how good is all this? |
@@ -48,6 +49,7 @@ pub mod exchange;
 pub mod experiment;
 pub mod file;
 pub mod history;
+pub mod lifelong;
 pub mod localize;
 pub mod model;
 pub mod picture;
@@ -64,6 +66,7 @@ pub use cells::{CellState, GridSpec, OccupancyMap, Patch, Thresholds};
 pub use file::GridFile;
 pub use fremen::{Error, ErrorKind, Result, Time};
 pub use history::{FrameStream, History, Outcome, Verdict};
+pub use lifelong::LifelongGrid;
 pub use model::{CellModel, Errors, GridConfig, Persistence};
 pub use temporal::{Explanation, FittedGrid, TemporalGrid};
 

@@ -29,6 +29,36 @@ pub fn occupancy_png(map: &OccupancyMap) -> Result<Vec<u8>> {
     })
 }
 
+/// A map as [`occupancy_png`] draws it, paler, with cells that have appeared in red and cells that have
+/// vanished in blue.
+///
+/// # Errors
+/// What the encoder says.
+pub fn contradictions_png(
+    map: &OccupancyMap,
+    appeared: &[usize],
+    vanished: &[usize],
+) -> Result<Vec<u8>> {
+    let spec = map.spec();
+    let mut marks = vec![0_u8; spec.num_cells()];
+    for (cells, mark) in [(appeared, 1), (vanished, 2)] {
+        for &cell in cells {
+            if let Some(it) = marks.get_mut(cell) {
+                *it = mark;
+            }
+        }
+    }
+    png(spec, |x, y| {
+        let index = spec.index([x, y, 0]);
+        match (marks[index], map.get(index)) {
+            (1, _) => [214, 39, 40],
+            (2, _) => [31, 119, 180],
+            (_, None) => UNKNOWN,
+            (_, Some(p)) => [255 - (p * 160.0) as u8; 3],
+        }
+    })
+}
+
 /// The strongest rhythm of each cell: its period as a hue (a week red, a day green, an hour blue
 /// and beyond), its amplitude as the depth of the colour; on top of what is mostly occupied in dark
 /// grey.

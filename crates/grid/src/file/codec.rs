@@ -77,7 +77,7 @@ pub(crate) fn decode_observations(mut bytes: &[u8]) -> Option<Observations> {
 }
 
 /// Visits as differences, the first states as bits, then the log of each cell that changed.
-pub(super) fn encode_tile(tile: &Tile) -> Vec<u8> {
+pub(crate) fn encode_tile(tile: &Tile) -> Vec<u8> {
     let mut bytes = Vec::new();
     let bounds = tile.visits().bounds();
     put_varint(&mut bytes, bounds.len() as u64);
@@ -99,7 +99,7 @@ pub(super) fn encode_tile(tile: &Tile) -> Vec<u8> {
 }
 
 /// None where the bytes are not those of this tile of a grid with `num_observations`.
-pub(super) fn decode_tile(
+pub(crate) fn decode_tile(
     tiling: &Tiling,
     key: u32,
     num_observations: usize,

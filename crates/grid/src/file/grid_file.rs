@@ -1,6 +1,6 @@
 //! Which generations has a grid's file, and what does each hold?
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use chronotope_store::{
@@ -11,7 +11,7 @@ use fremen::{Error, ErrorKind, Result, Time};
 use sha2::{Digest, Sha256};
 
 use super::codec::{decode_observations, decode_tile, encode_observations, encode_tile};
-use super::tables::{BATCH, GRID, RESET, SPEC, TILE};
+use super::tables::{ATTACHMENT, BATCH, GRID, RESET, SPEC, TILE};
 use crate::cells::GridSpec;
 use crate::history::{History, Observations, Tile};
 use crate::tiles::Tiling;
@@ -22,6 +22,12 @@ const PAGE_BYTES: u32 = 4096;
 const MAX_FAULTS: usize = 100;
 /// There is one line of observations; the tables could hold more.
 const LINE: i64 = 0;
+
+/// What is kept beside the observations, by name.
+pub type Attachments = BTreeMap<String, Vec<u8>>;
+/// The attachments of this name and of names that begin so are no part of a generation's digest: they
+/// depend on the order in which maps came, which what was seen does not.
+pub const UNDIGESTED: &str = "past";
 
 /// A grid in a file.
 #[derive(Debug)]
@@ -34,10 +40,17 @@ pub struct GridFile {
 #[derive(Clone, Debug)]
 struct Known {
     history: History,
+    attachments: Attachments,
     tip: Tip,
-    /// The ids of the last rows.
-    last_batch: i64,
-    last_tile: i64,
+    last: LastRows,
+}
+
+/// The ids of the last rows.
+#[derive(Clone, Copy, Debug, Default)]
+struct LastRows {
+    batch: i64,
+    tile: i64,
+    attachment: i64,
 }
 
 /// What [`GridFile::verify`] found.
@@ -55,22 +68,33 @@ impl GridFile {
     /// Generation 0 is an empty grid, generation 1 has the history. Both are there once this
     /// returns, or no file at all.
     pub fn create(path: impl AsRef<Path>, history: History) -> Result<Self> {
-        let first = generation(&History::new(*history.spec()), 0, None, 0);
-        let second = generation(&history, 1, Some(0), 0);
+        Self::create_with(path, history, Attachments::new())
+    }
+
+    /// The same with attachments; those without a value are left out.
+    pub fn create_with(
+        path: impl AsRef<Path>,
+        history: History,
+        mut attachments: Attachments,
+    ) -> Result<Self> {
+        attachments.retain(|_, value| !value.is_empty());
+        let nothing = (History::new(*history.spec()), Attachments::new());
+        let first = generation(&nothing.0, &nothing.1, 0, None, 0);
+        let second = generation(&history, &attachments, 1, Some(0), 0);
         let mut known = Known {
             tip: Tip {
                 number: 1,
                 prunes: 0,
             },
-            last_batch: 0,
-            last_tile: 0,
+            last: LastRows::default(),
             history,
+            attachments,
         };
         let store = Store::create(&GRID, path.as_ref(), PAGE_BYTES, check, |writer| {
             write_spec(writer, known.history.spec())?;
             writer.insert_generation(&first)?;
-            let ids = write_batch(writer, &known.history, &known, 1)?;
-            (known.last_batch, known.last_tile) = ids;
+            known.last = write_batch(writer, &known.history, known.last, 1)?;
+            known.last = write_attachments(writer, &known.attachments, known.last, 1)?;
             writer.insert_generation(&second)
         })?;
         Ok(Self { store, known })
@@ -85,6 +109,11 @@ impl GridFile {
     /// What the newest generation holds.
     pub const fn history(&self) -> &History {
         &self.known.history
+    }
+
+    /// What the newest generation keeps beside it.
+    pub const fn attachments(&self) -> &Attachments {
+        &self.known.attachments
     }
 
     /// Gives the history away.
@@ -127,12 +156,32 @@ impl GridFile {
     /// As for [`History::merge`]; [`ErrorKind::Conflict`] where another process has committed
     /// meanwhile. The file and what was read of it stay as they were.
     pub fn add(&mut self, other: &History) -> Result<usize> {
+        self.add_with(other, &Attachments::new())
+    }
+
+    /// The same, and these attachments instead of those of the same names; an empty value takes one
+    /// away. Without any change no generation is made.
+    pub fn add_with(&mut self, other: &History, attachments: &Attachments) -> Result<usize> {
         let mut next = self.known.clone();
         let num_new = next.history.merge(other)?;
-        if num_new == 0 {
+        let mut changed = attachments.clone();
+        changed.retain(|name, value| {
+            let known = next.attachments.get(name);
+            known.map_or(!value.is_empty(), |known| known != value)
+        });
+        if num_new == 0 && changed.is_empty() {
             return Ok(0);
         }
-        self.commit(next, other, false)?;
+        for (name, value) in &changed {
+            if value.is_empty() {
+                next.attachments.remove(name);
+            } else {
+                next.attachments.insert(name.clone(), value.clone());
+            }
+        }
+        let nothing = History::new(*other.spec());
+        let new = if num_new == 0 { &nothing } else { other };
+        self.commit(next, new, &changed, false)?;
         Ok(num_new)
     }
 
@@ -146,7 +195,7 @@ impl GridFile {
             return Ok(0);
         }
         let rest = next.history.clone();
-        self.commit(next, &rest, true)?;
+        self.commit(next, &rest, &Attachments::new(), true)?;
         Ok(forgotten.num_observations)
     }
 
@@ -158,7 +207,13 @@ impl GridFile {
             number: tip.number + 1,
             ..tip
         };
-        let generation = generation(&past.history, past.tip.number, Some(to), tip.prunes);
+        let generation = generation(
+            &past.history,
+            &past.attachments,
+            past.tip.number,
+            Some(to),
+            tip.prunes,
+        );
         self.store
             .write(tip, |writer| writer.insert_generation(&generation))?;
         self.known = past;
@@ -169,7 +224,7 @@ impl GridFile {
     /// how many went.
     pub fn prune(&mut self, keep: &[u64]) -> Result<usize> {
         let keep: BTreeSet<u64> = keep.iter().copied().collect();
-        let same = |a: &Known, b: &Known| a.history == b.history;
+        let same = |a: &Known, b: &Known| a.history == b.history && a.attachments == b.attachments;
         let pruned = self.store.prune(self.known.tip, &keep, read_newest, same)?;
         let Some((known, num_dropped)) = pruned else {
             return Ok(0);
@@ -192,28 +247,46 @@ impl GridFile {
         })
     }
 
-    fn commit(&mut self, mut next: Known, new: &History, anew: bool) -> Result<()> {
+    fn commit(
+        &mut self,
+        mut next: Known,
+        new: &History,
+        changed: &Attachments,
+        anew: bool,
+    ) -> Result<()> {
         let tip = self.known.tip;
         next.tip.number = tip.number + 1;
         let number = next.tip.number;
-        let generation = generation(&next.history, number, Some(tip.number), tip.prunes);
-        let ids = &mut (0, 0);
-        let known = &self.known;
+        let generation = generation(
+            &next.history,
+            &next.attachments,
+            number,
+            Some(tip.number),
+            tip.prunes,
+        );
         self.store.write(tip, |writer| {
             if anew {
                 let number = ValueRef::Integer(number as i64);
                 writer.insert(&RESET, &[number, number, ValueRef::Integer(LINE)])?;
             }
-            *ids = write_batch(writer, new, known, number)?;
+            if anew || new.num_observations() > 0 {
+                next.last = write_batch(writer, new, next.last, number)?;
+            }
+            next.last = write_attachments(writer, changed, next.last, number)?;
             writer.insert_generation(&generation)
         })?;
-        (next.last_batch, next.last_tile) = *ids;
         self.known = next;
         Ok(())
     }
 }
 
-fn generation(history: &History, number: u64, parent: Option<u64>, prunes: u64) -> Generation {
+fn generation(
+    history: &History,
+    attachments: &Attachments,
+    number: u64,
+    parent: Option<u64>,
+    prunes: u64,
+) -> Generation {
     Generation {
         number,
         parent,
@@ -223,12 +296,12 @@ fn generation(history: &History, number: u64, parent: Option<u64>, prunes: u64) 
             history.num_observations() as u64,
             history.tiles().len() as u64,
         ],
-        digest: digest(history),
+        digest: digest(history, attachments),
     }
 }
 
 /// Of the content, in whatever order it came.
-fn digest(history: &History) -> [u8; 32] {
+fn digest(history: &History, attachments: &Attachments) -> [u8; 32] {
     let mut sha = Sha256::new();
     for value in spec_values(history.spec()) {
         put_value(&mut sha, value);
@@ -240,6 +313,12 @@ fn digest(history: &History) -> [u8; 32] {
     for tile in history.sorted_tiles() {
         put_value(&mut sha, ValueRef::Integer(tile.key().into()));
         put_value(&mut sha, ValueRef::Blob(&encode_tile(tile)));
+    }
+    for (name, value) in attachments {
+        if !name.starts_with(UNDIGESTED) {
+            put_value(&mut sha, ValueRef::Text(name.as_bytes()));
+            put_value(&mut sha, ValueRef::Blob(value));
+        }
     }
     sha.finalize().into()
 }
@@ -261,28 +340,43 @@ fn write_spec(writer: &Writer<'_>, spec: &GridSpec) -> Result<()> {
 fn write_batch(
     writer: &Writer<'_>,
     history: &History,
-    known: &Known,
+    mut last: LastRows,
     number: u64,
-) -> Result<(i64, i64)> {
+) -> Result<LastRows> {
     let [generation, line] = [number as i64, LINE].map(ValueRef::Integer);
-    let batch = known.last_batch + 1;
-    let id = ValueRef::Integer(batch);
+    last.batch += 1;
+    let id = ValueRef::Integer(last.batch);
     let observations = encode_observations(history.observations());
     writer.insert(
         &BATCH,
         &[id, generation, line, ValueRef::Blob(&observations)],
     )?;
-    let mut last_tile = known.last_tile;
     for tile in history.sorted_tiles() {
-        last_tile += 1;
-        let [row, key] = [last_tile, tile.key().into()].map(ValueRef::Integer);
+        last.tile += 1;
+        let [row, key] = [last.tile, tile.key().into()].map(ValueRef::Integer);
         let bytes = encode_tile(tile);
         writer.insert(
             &TILE,
             &[row, generation, line, id, key, ValueRef::Blob(&bytes)],
         )?;
     }
-    Ok((batch, last_tile))
+    Ok(last)
+}
+
+/// Writes what is kept beside them, likewise.
+fn write_attachments(
+    writer: &Writer<'_>,
+    attachments: &Attachments,
+    mut last: LastRows,
+    number: u64,
+) -> Result<LastRows> {
+    for (name, value) in attachments {
+        last.attachment += 1;
+        let [id, generation] = [last.attachment, number as i64].map(ValueRef::Integer);
+        let (name, value) = (ValueRef::Text(name.as_bytes()), ValueRef::Blob(value));
+        writer.insert(&ATTACHMENT, &[id, generation, name, value])?;
+    }
+    Ok(last)
 }
 
 /// Whether the newest content is what was written.
@@ -320,23 +414,49 @@ fn read(reader: &Reader<'_>, at: Option<u64>, faults: &mut Faults) -> Result<Opt
         Ok(())
     })?;
     let mut batches = Batches::new(spec, begins);
-    let last_batch = batches.read_observations(reader, &lineage, faults)?;
-    let last_tile = batches.read_tiles(reader, &lineage, faults)?;
+    let mut last_rows = LastRows {
+        batch: batches.read_observations(reader, &lineage, faults)?,
+        tile: batches.read_tiles(reader, &lineage, faults)?,
+        attachment: 0,
+    };
     let history = batches.join(faults)?;
+    let attachments = read_attachments(reader, &lineage, &mut last_rows, faults)?;
     if let Some(last) = line.last().filter(|_| faults.is_clean()) {
         let notes = [
             ("num_observations", history.num_observations() as u64),
             ("num_tiles", history.tiles().len() as u64),
         ];
-        (last.compare(&GRID, &notes, &digest(&history)))
+        (last.compare(&GRID, &notes, &digest(&history, &attachments)))
             .or_else(|fault: Fault| faults.add(fault))?;
     }
     Ok(Some(Known {
         history,
+        attachments,
         tip: reader.tip()?,
-        last_batch,
-        last_tile,
+        last: last_rows,
     }))
+}
+
+/// The newest value of each name.
+fn read_attachments(
+    reader: &Reader<'_>,
+    lineage: &Lineage,
+    last: &mut LastRows,
+    faults: &mut Faults,
+) -> Result<Attachments> {
+    let mut attachments = Attachments::new();
+    if reader.version() < 2 {
+        return Ok(attachments);
+    }
+    reader.scan(&ATTACHMENT, 0, faults, |row, _| {
+        last.attachment = row.id();
+        if lineage.holds(row, 1)? {
+            attachments.insert(row.text(2)?.to_owned(), row.blob(3)?.to_vec());
+        }
+        Ok(())
+    })?;
+    attachments.retain(|_, value| !value.is_empty());
+    Ok(attachments)
 }
 
 fn spec_of(row: &Row<'_>) -> Result<GridSpec, Fault> {
@@ -445,14 +565,25 @@ impl Batches {
 
 /// A grid that several files hold together.
 impl GridFile {
-    /// Makes a new file of the union of others, in whatever order they are given.
+    /// Makes a new file of the union of others, in whatever order they are given: of what was
+    /// observed, and of what is kept beside it but for what is [`UNDIGESTED`].
     ///
     /// # Errors
     /// As for [`History::merge`] and [`Self::create`].
     pub fn merge_into<P: AsRef<Path>>(path: impl AsRef<Path>, others: &[P]) -> Result<Self> {
         let mut union: Option<History> = None;
+        let mut attachments = Attachments::new();
         for other in others {
-            let history = Self::open(other, Access::ReadOnly)?.into_history();
+            let file = Self::open(other, Access::ReadOnly)?;
+            for (name, value) in file.attachments() {
+                // Of two values the smaller one, in whatever order they come.
+                if !name.starts_with(UNDIGESTED)
+                    && attachments.get(name).is_none_or(|known| value < known)
+                {
+                    attachments.insert(name.clone(), value.clone());
+                }
+            }
+            let history = file.into_history();
             match &mut union {
                 None => union = Some(history),
                 Some(union) => {
@@ -465,6 +596,6 @@ impl GridFile {
         let union = union.ok_or_else(|| {
             Error::new(ErrorKind::Config, "no grid to merge").with_help("name at least one")
         })?;
-        Self::create(path, union)
+        Self::create_with(path, union, attachments)
     }
 }

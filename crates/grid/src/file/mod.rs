@@ -10,5 +10,5 @@ mod grid_file;
 mod tables;
 
 pub use chronotope_store::{Access, Fault, Generation};
-pub(crate) use codec::{decode_observations, encode_observations};
-pub use grid_file::{GridFile, Verified};
+pub(crate) use codec::{decode_observations, decode_tile, encode_observations, encode_tile};
+pub use grid_file::{Attachments, GridFile, UNDIGESTED, Verified};

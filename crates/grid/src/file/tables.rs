@@ -7,8 +7,11 @@ pub(super) static GRID: Kind = Kind {
     noun: "grid",
     // `ChGr` in ASCII.
     application_id: 0x4368_4772,
-    version: 1,
-    tables: |_| &[&GENERATION, &SPEC, &BATCH, &TILE, &RESET],
+    version: 2,
+    tables: |version| match version {
+        1 => &[&GENERATION, &SPEC, &BATCH, &TILE, &RESET],
+        _ => &[&GENERATION, &SPEC, &BATCH, &TILE, &RESET, &ATTACHMENT],
+    },
     references: &[],
     program: "chronotope",
     tool: "chronotope grid",
@@ -86,4 +89,14 @@ pub(super) const RESET: Table = Table {
     columns: &["id", "generation", "line"],
     limits: &[],
     holds: Holds::NewestOf("line"),
+};
+
+/// What is kept beside the observations, by name; an empty value takes it away.
+pub(super) const ATTACHMENT: Table = Table {
+    name: "attachment",
+    create: "CREATE TABLE attachment (id INTEGER PRIMARY KEY, generation INTEGER NOT NULL, \
+             name TEXT NOT NULL, value BLOB NOT NULL, crc INTEGER NOT NULL) STRICT",
+    columns: &["id", "generation", "name", "value"],
+    limits: &[("name", 256), ("value", 1 << 28)],
+    holds: Holds::NewestOf("name"),
 };

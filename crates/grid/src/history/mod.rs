@@ -9,6 +9,7 @@ mod frames;
 mod log;
 mod merge;
 mod observations;
+mod recall;
 mod record;
 mod tile;
 

@@ -147,6 +147,12 @@ impl Observations {
         kept
     }
 
+    /// Keeps the first `num`; observers that have none left stay.
+    pub(crate) fn truncate(&mut self, num: usize) {
+        self.times_us.truncate(num);
+        self.observers.truncate(num);
+    }
+
     /// As read from a file: `None` where the order of identities is broken.
     pub(crate) fn from_parts(
         times_us: Vec<i64>,

@@ -203,6 +203,11 @@ impl History {
             .then(|| (self.observations.time(observation), state))
     }
 
+    /// Whether this observer's observation of this time is one of them.
+    pub fn contains(&self, observer: &str, time: Time) -> bool {
+        self.observations.find(time, observer).is_ok()
+    }
+
     /// Whether an observation would be the last.
     pub(crate) fn is_latest(&self, observer: &str, time: Time) -> bool {
         self.observations.find(time, observer) == Err(self.observations.len())

@@ -11,6 +11,7 @@ mod exchange;
 mod experiment;
 mod file;
 mod history;
+mod lifelong;
 mod localize;
 mod temporal;
 mod twin;

@@ -9,9 +9,13 @@ use serde_json::json;
 use super::super::outcome::Outcome;
 use super::super::output::Output;
 use super::super::progress::Progress;
+use super::model::ModelArgs;
+use super::quarantine;
 use fremen::{Error, ErrorKind, Time};
 use fremen_grid::exchange::{IndexEntry, MapServerMap, common_spec, patch_of, read_index};
 use fremen_grid::file::Access;
+use fremen_grid::lifelong::{LifelongGrid, MapId, TakenIn};
+use fremen_grid::registration::{GuardConfig, Quarantined};
 use fremen_grid::{GridFile, History, Thresholds};
 
 /// Make a grid of maps that were made at known times.
@@ -34,17 +38,26 @@ pub(crate) struct BuildArgs {
 
 /// Add maps to a grid.
 ///
-/// A map that was added before, by its time and observer, is known and changes nothing.
+/// Each is laid onto the map that the grid predicts for its time. One that contradicts it more than
+/// usual is not added but kept in quarantine, and the exit code is 1; `grid quarantine` shows such
+/// maps, accepts or drops them. A map that was added before, by its time and observer, is known and
+/// changes nothing.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   chronotope grid add office.grid --map patrol.yaml --time 2024-05-06T10:00:00Z
-  chronotope grid add office.grid --maps june/")]
+  chronotope grid add office.grid --maps june/
+  chronotope grid add office.grid --maps after-the-move/ --trust")]
 pub(crate) struct AddArgs {
     /// The grid file.
     grid: PathBuf,
     #[command(flatten)]
     maps: MapArgs,
+    /// Integrate all of them, whatever they show.
+    #[arg(long)]
+    trust: bool,
+    #[command(flatten)]
+    model: ModelArgs,
 }
 
 /// Merge grids of the same cells into a new one.
@@ -140,27 +153,96 @@ pub(super) fn build(args: &BuildArgs, out: &mut Output) -> Result<Outcome> {
     let spec = common_spec(maps.iter().map(|(_, map)| map.spec()))?;
     let mut history = History::new(spec);
     args.maps.observe(&mut history, &maps)?;
-    let file = GridFile::create(&args.out, history)?;
+    // What is usual is learnt now, by the model that `grid add` judges with by default.
+    let mut progress: Option<Progress> = None;
+    let config = ModelArgs::default().config()?;
+    let guard = GuardConfig::default();
+    let file = LifelongGrid::create(&args.out, history, &config, guard, |done, all| {
+        let bar = progress.get_or_insert_with(|| Progress::new("looking at its maps", all));
+        bar.reach(done);
+    })?;
+    drop(progress);
     let num_new = file.history().num_observations();
-    say(&args.out, &file, num_new, maps.len(), args.maps.json, out)
+    let added = Added {
+        num_new,
+        num_known: maps.len() - num_new,
+        ..Added::default()
+    };
+    say(&args.out, &file, &added, args.maps.json, out)
+}
+
+/// What became of the maps that were given.
+#[derive(Debug, Default)]
+struct Added {
+    num_new: usize,
+    num_known: usize,
+    /// Of the new ones, those that came out of quarantine by themselves.
+    num_adopted: usize,
+    /// Identities of those that are in quarantine now.
+    quarantined: Vec<String>,
+    /// How many went from quarantine for want of room.
+    num_dropped: u64,
 }
 
 pub(super) fn add(args: &AddArgs, out: &mut Output) -> Result<Outcome> {
     let maps = args.maps.read()?;
-    let mut file = GridFile::open(&args.grid, Access::ReadWrite)?;
-    let mut new = History::new(*file.history().spec());
-    args.maps.observe(&mut new, &maps)?;
-    let num_new = file
-        .add(&new)
-        .map_err(|error| error.with_path(&args.grid))?;
-    say(&args.grid, &file, num_new, maps.len(), args.maps.json, out)
+    let mut grid = quarantine::open(&args.grid, Access::ReadWrite, &args.model)?;
+    let thresholds = Thresholds::new(args.maps.free, args.maps.occupied)?;
+    let spec = *grid.file().history().spec();
+    let dropped_before = grid.num_dropped();
+    let (mut added, mut doubts) = (Added::default(), Vec::new());
+    let progress = Progress::new("adding", maps.len());
+    for (done, (entry, map)) in maps.iter().enumerate() {
+        let mut take_in = || -> fremen::Result<TakenIn> {
+            let patch = patch_of(&spec, map, thresholds)?;
+            grid.take_in(&entry.observer, &patch, entry.time, args.trust)
+        };
+        match take_in().map_err(|error| error.with_path(&entry.path))? {
+            TakenIn::Known => added.num_known += 1,
+            TakenIn::Integrated(_) => {}
+            TakenIn::Adopted { num_maps, .. } => {
+                added.num_adopted += num_maps;
+                doubts.push(format!(
+                    "{}: shows what {} maps in quarantine show: all are integrated",
+                    entry.path.display(),
+                    num_maps - 1
+                ));
+            }
+            TakenIn::Quarantined(judgement) | TakenIn::QuarantinedBefore(judgement) => {
+                doubts.push(format!(
+                    "{}: quarantined: {}",
+                    entry.path.display(),
+                    quarantine::why(&judgement)
+                ));
+            }
+        }
+        progress.reach(done + 1);
+    }
+    drop(progress);
+    added.num_new = grid.commit().map_err(|error| error.with_path(&args.grid))?;
+    added.num_dropped = grid.num_dropped() - dropped_before;
+    let given = |held: &&Quarantined| {
+        let is_it = |(entry, _): &(IndexEntry, MapServerMap)| {
+            (entry.time, &entry.observer) == (held.judgement.time, &held.observer)
+        };
+        maps.iter().any(is_it)
+    };
+    let held = grid.quarantined().iter().filter(given);
+    added.quarantined = held.map(|it| MapId::of(it).to_string()).collect();
+    for doubt in doubts {
+        note!("{doubt}");
+    }
+    say(&args.grid, grid.file(), &added, args.maps.json, out)
 }
 
 pub(super) fn merge(args: &MergeArgs, out: &mut Output) -> Result<Outcome> {
     refuse_existing(&args.out)?;
     let file = GridFile::merge_into(&args.out, &args.grids)?;
-    let num = file.history().num_observations();
-    say(&args.out, &file, num, num, args.json, out)
+    let added = Added {
+        num_new: file.history().num_observations(),
+        ..Added::default()
+    };
+    say(&args.out, &file, &added, args.json, out)
 }
 
 /// Before anything long is done.
@@ -177,33 +259,51 @@ fn refuse_existing(path: &std::path::Path) -> Result<()> {
 fn say(
     path: &std::path::Path,
     file: &GridFile,
-    num_new: usize,
-    num_given: usize,
+    added: &Added,
     as_json: bool,
     out: &mut Output,
 ) -> Result<Outcome> {
     let history = file.history();
     let [w, h, d] = history.spec().dims();
+    let outcome = Outcome::of_check(added.quarantined.is_empty());
     if as_json {
         out.json(&json!({
             "grid": path,
             "generation": file.generation(),
-            "num_added": num_new,
-            "num_known_already": num_given - num_new,
+            "num_added": added.num_new,
+            "num_known_already": added.num_known,
+            "num_adopted": added.num_adopted,
+            "quarantined": added.quarantined,
+            "num_dropped_from_quarantine": added.num_dropped,
             "num_observations": history.num_observations(),
             "dims": [w, h, d],
         }))?;
-        return Ok(Outcome::Good);
+        return Ok(outcome);
     }
-    let known = match num_given - num_new {
+    let known = match added.num_known {
         0 => String::new(),
         num => format!(" ({num} known already)"),
     };
     out.line(format_args!(
-        "{}: {num_new} observations added{known}, {} in all, {w} x {h} x {d} cells, generation {}",
+        "{}: {} observations added{known}, {} in all, {w} x {h} x {d} cells, generation {}",
         path.display(),
+        added.num_new,
         history.num_observations(),
         file.generation()
     ))?;
-    Ok(Outcome::Good)
+    if added.num_dropped > 0 {
+        note!(
+            "note: {} older maps were dropped from quarantine for want of room",
+            added.num_dropped
+        );
+    }
+    if !added.quarantined.is_empty() {
+        note!(
+            "{} maps are in quarantine (help: look at them with `chronotope grid quarantine list {}`, \
+             then `accept` or `drop` them)",
+            added.quarantined.len(),
+            path.display()
+        );
+    }
+    Ok(outcome)
 }

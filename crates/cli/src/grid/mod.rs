@@ -4,6 +4,7 @@ mod add;
 mod generations;
 mod model;
 mod predict;
+mod quarantine;
 mod robot;
 mod show;
 
@@ -37,6 +38,8 @@ pub(super) enum GridCommand {
     Rollback(generations::RollbackArgs),
     Prune(generations::PruneArgs),
     Forget(generations::ForgetArgs),
+    #[command(subcommand)]
+    Quarantine(quarantine::QuarantineCommand),
 }
 
 pub(super) fn run(command: &GridCommand, out: &mut Output) -> Result<Outcome> {
@@ -55,5 +58,6 @@ pub(super) fn run(command: &GridCommand, out: &mut Output) -> Result<Outcome> {
         GridCommand::Rollback(args) => generations::rollback(args, out),
         GridCommand::Prune(args) => generations::prune(args, out),
         GridCommand::Forget(args) => generations::forget(args, out),
+        GridCommand::Quarantine(command) => quarantine::run(command, out),
     }
 }

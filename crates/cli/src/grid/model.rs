@@ -4,7 +4,7 @@ use anyhow::Result;
 use clap::{Args, ValueEnum};
 
 use fremen::{CandidatePeriods, Period};
-use fremen_grid::{CellModel, GridConfig};
+use fremen_grid::{CellModel, GridConfig, Persistence};
 
 /// How cells are predicted. The grid keeps what was seen, so that each command may choose anew.
 #[derive(Debug, Args)]
@@ -25,11 +25,15 @@ pub(super) struct ModelArgs {
     /// Do not take the last observation into account.
     #[arg(long)]
     no_persistence: bool,
+    /// Take of the last observation only what the rhythms had not foreseen.
+    #[arg(long, conflicts_with = "no_persistence")]
+    surprise: bool,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
 enum Kind {
     /// A mean and the strongest rhythms.
+    #[default]
     Fremen,
     /// A mean for each part of the base period.
     Histogram,
@@ -39,11 +43,26 @@ enum Kind {
     Last,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
 enum Base {
+    #[default]
     Day,
     Week,
     Year,
+}
+
+impl Default for ModelArgs {
+    /// As where no option is given.
+    fn default() -> Self {
+        Self {
+            model: Kind::default(),
+            base: Base::default(),
+            parts: None,
+            order: 2,
+            no_persistence: false,
+            surprise: false,
+        }
+    }
 }
 
 impl ModelArgs {
@@ -66,6 +85,11 @@ impl ModelArgs {
             Kind::Mean => CellModel::Mean,
             Kind::Last => CellModel::LastObservation,
         };
-        Ok(GridConfig::new(model)?.with_persistence(!self.no_persistence))
+        let persistence = match (self.no_persistence, self.surprise) {
+            (true, _) => Persistence::None,
+            (_, true) => Persistence::Surprise,
+            _ => Persistence::State,
+        };
+        Ok(GridConfig::new(model)?.with_persistence_of(persistence))
     }
 }

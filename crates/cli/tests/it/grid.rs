@@ -200,19 +200,110 @@ fn maps_that_do_not_fit_are_refused_and_nothing_changes() {
     fixture.fails("grid inspect week.grid", &["`chronotope grid verify`"]);
 }
 
-/// Killed at any call of the system, `grid add` leaves the old generation or the new one.
+/// A map of the same corridor, turned by half a turn: where it is mapped, nothing of it is right.
+fn wrong(hour: i64) -> Vec<u8> {
+    let mut pgm = map(hour);
+    let header = pgm.len() - 200;
+    // The walls stand in the middle, and where they were it is free.
+    for y in 0..10 {
+        for x in 0..20 {
+            let is_wall = y == 3 || y == 7;
+            pgm[header + 20 * y + x] = if is_wall { 0 } else { 254 };
+        }
+    }
+    pgm
+}
+
+/// A doubtful map changes nothing but the quarantine, which is in the file.
+#[test]
+fn a_doubtful_map_is_quarantined_listed_accepted_or_dropped() {
+    let fixture = prepared();
+    let line = "grid add week.grid --map m.yaml --observer robot --time 1970-01-08T02:00:00Z";
+    fixture.write("m.pgm", wrong(2));
+    fixture.write("m.yaml", yaml("m.pgm"));
+    let before = digest(&fixture, "week.grid");
+    let added = fixture.run(&format!("{line} --json"));
+    assert_eq!(added.code, 1, "{added:?}");
+    added.prints(&["grid quarantine list week.grid"]);
+    let summary = &added.lines()[0];
+    assert_eq!(summary["num_added"], 0);
+    assert_eq!(summary["num_observations"], 56);
+    let id = summary["quarantined"][0].as_str().unwrap().to_owned();
+    let held = digest(&fixture, "week.grid");
+    assert_ne!(held, before);
+    // Once more it is still held, and no generation is made.
+    assert_eq!(fixture.run(line).code, 1);
+    assert_eq!(digest(&fixture, "week.grid"), held);
+    fixture
+        .succeeds("grid verify week.grid")
+        .prints(&["intact, generation 2"]);
+    let listed = fixture.succeeds("grid quarantine list week.grid --json --png evidence");
+    let listed = &listed.lines()[0];
+    assert_eq!(listed["id"], *id);
+    assert_eq!(listed["observer"], "robot");
+    assert!(
+        listed["disagreement"].as_f64() > listed["limit"].as_f64() || listed["reason"] == "shift"
+    );
+    assert!(fixture.path(format!("evidence/{id}.png")).exists());
+    fixture
+        .succeeds("grid quarantine list week.grid")
+        .prints(&[&id[..8], "robot", "usual"]);
+    fixture.fails(
+        "grid quarantine accept week.grid xyz",
+        &["no map in quarantine begins with `xyz`", "quarantine list"],
+    );
+    // Neither a prune nor a rollback loses it.
+    fixture.succeeds("grid prune week.grid");
+    assert_eq!(digest(&fixture, "week.grid"), held);
+    fixture
+        .succeeds(&format!("grid quarantine drop week.grid {}", &id[..4]))
+        .prints(&["1 maps dropped, 0 in quarantine"]);
+    assert_eq!(digest(&fixture, "week.grid"), before);
+    fixture
+        .succeeds("grid quarantine list week.grid")
+        .prints(&["no map is in quarantine"]);
+    fixture.succeeds("grid rollback week.grid --to 2");
+    assert_eq!(digest(&fixture, "week.grid"), held);
+    fixture
+        .succeeds("grid quarantine accept week.grid --all")
+        .prints(&["1 maps integrated, 0 in quarantine"]);
+    let inspected = fixture.succeeds("grid inspect week.grid --json");
+    assert_eq!(inspected.lines()[0]["num_observations"], 57);
+    assert!(fixture.run(line).code == 0, "it is known now");
+    // Whoever trusts a map says so.
+    fixture.succeeds("grid rollback week.grid --to 1");
+    fixture
+        .succeeds(&format!("{line} --trust"))
+        .prints(&["1 observations added"]);
+}
+
 #[test]
 fn a_killed_add_leaves_the_old_grid_or_the_new_one() {
+    kill_adding(|fixture| patrols(fixture, "next", (56..60).map(|i| 3 * i)));
+}
+
+#[test]
+fn a_killed_add_of_a_doubtful_map_has_quarantined_it_or_not() {
+    kill_adding(|fixture| {
+        patrols(fixture, "next", (56..60).map(|i| 3 * i));
+        fixture.write("next/171.pgm", wrong(171));
+    });
+}
+
+/// Killed at any call of the system, `grid add` leaves the old generation or the new one, and what it
+/// is given again has the same outcome.
+fn kill_adding(prepare: impl Fn(&Fixture)) {
     let fixture = prepared();
     if !may_trace(&fixture, "no kills of grid add") {
         return;
     }
-    patrols(&fixture, "next", (56..60).map(|i| 3 * i));
+    prepare(&fixture);
     let line = "grid add week.grid --maps next";
     let start = fs::read(fixture.path("week.grid")).unwrap();
     let old = digest(&fixture, "week.grid");
-    fixture.succeeds(line);
+    let code = fixture.run(line).code;
     let new = digest(&fixture, "week.grid");
+    assert!(code < 2 && new != old);
     let num_kills = std::env::var("CHRONOTOPE_TEST_KILLS")
         .map_or(12, |number| number.parse().expect("a number"));
     let calls = "?openat,?write,?pwrite64,?fsync,?fdatasync,?ftruncate,?unlink,?rename,?fcntl";
@@ -241,12 +332,15 @@ fn a_killed_add_leaves_the_old_grid_or_the_new_one() {
         fixture.write("week.grid", &start);
         let at = num_calls - num_calls * kill / num_kills;
         let inject = format!("inject={calls}:signal=KILL:when={at}");
-        num_killed += usize::from(!traced(&["-o", "/dev/null", "-e", &inject]).success());
+        // Without a code: ended by the signal.
+        let status = traced(&["-o", "/dev/null", "-e", &inject]);
+        num_killed += usize::from(status.code().is_none());
         fixture.succeeds("grid verify week.grid");
         let found = digest(&fixture, "week.grid");
         assert!(found == old || found == new, "killed at call {at}");
         num_new += usize::from(found == new);
-        fixture.succeeds(line);
+        let again = fixture.run(line).code;
+        assert_eq!(again, code, "repeated after call {at}");
         assert_eq!(
             digest(&fixture, "week.grid"),
             new,

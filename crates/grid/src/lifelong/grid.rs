@@ -213,7 +213,7 @@ impl LifelongGrid {
             }
             Decision::Quarantine(judgement) => {
                 self.orders.push((id, self.next_order));
-                self.next_order += 1;
+                self.next_order = self.next_order.saturating_add(1);
                 Ok(TakenIn::Quarantined(judgement))
             }
             Decision::Adopt(held, judgement) => {

@@ -92,7 +92,8 @@ pub struct Judgement {
 impl Judgement {
     /// Whether the map was moved on a grid with such cells: less than half a cell leaves it as it is.
     pub fn is_moved(&self, cell_m: f64) -> bool {
-        self.registration.is_some_and(|found| found.shift_m >= 0.5 * cell_m)
+        self.registration
+            .is_some_and(|found| found.shift_m >= 0.5 * cell_m)
     }
 }
 
@@ -205,7 +206,8 @@ impl Guard {
 
     /// Forgets a quarantined map; none where there is none of that time.
     pub fn discard(&mut self, observer: &str, time: Time) -> Option<Quarantined> {
-        let is_meant = |held: &Quarantined| held.judgement.time == time && held.observer == observer;
+        let is_meant =
+            |held: &Quarantined| held.judgement.time == time && held.observer == observer;
         let at = self.quarantined.iter().position(is_meant)?;
         if at + self.num_in_row >= self.quarantined.len() {
             self.num_in_row -= 1;
@@ -351,7 +353,10 @@ impl Guard {
         let first = self.quarantined.len().saturating_sub(self.num_in_row);
         let row = &self.quarantined[first..];
         let newest = row.last()?;
-        let is_again: Vec<bool> = row.iter().map(|held| is_same_change(newest, held)).collect();
+        let is_again: Vec<bool> = row
+            .iter()
+            .map(|held| is_same_change(newest, held))
+            .collect();
         if is_again.iter().filter(|it| **it).count() < self.config.num_repeats.max(2) {
             return None;
         }

@@ -287,3 +287,27 @@ fn a_history_recalls_each_observation_and_what_was_before_it() -> Result<()> {
     );
     Ok(())
 }
+
+/// What `chronotope grid build` wrote before grids had a quarantine.
+#[test]
+fn a_grid_of_format_1_is_read_and_becomes_one_of_format_2_by_its_first_change() -> Result<()> {
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/format-1.grid");
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.grid");
+    std::fs::copy(&golden, &path).expect("a copy");
+    let before = digest(&path);
+    assert!(GridFile::verify(&path)?.faults.is_empty());
+    let mut grid = open(&path)?;
+    assert_eq!(grid.file().history().num_observations(), 4);
+    assert!(grid.quarantined().is_empty());
+    let patch = grid.file().history().patch(0);
+    grid.take_in("robot", &patch, time(24), false)?;
+    assert_eq!(grid.commit()?, 1);
+    assert_eq!(open(&path)?.file().history().num_observations(), 5);
+    assert!(GridFile::verify(&path)?.faults.is_empty());
+    // What was in it is what it was.
+    GridFile::open(&path, Access::ReadWrite)?.rollback(1)?;
+    assert_eq!(digest(&path), before);
+    assert_eq!(GridFile::open(&path, Access::ReadOnly)?.generation(), 3);
+    Ok(())
+}

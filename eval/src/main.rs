@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, ensure};
 use chronotope::Time;
+use chronotope_eval::grid;
 use chronotope_eval::judge::pooled::{POOLED_SUITES, compare_pooled};
 use chronotope_eval::judge::{compare, exact};
 use chronotope_eval::report::{self, ReportInput};
@@ -174,7 +175,7 @@ struct RunArgs {
     /// Suites of series: the share of samples that thinning keeps [default: the suite's].
     #[arg(long)]
     share: Option<f64>,
-    /// Synthetic suites: the number of worlds [default: the suite's].
+    /// Synthetic suites, and simulated ones of grids: the number of worlds [default: the suite's].
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     worlds: Option<u64>,
     #[command(flatten)]
@@ -319,7 +320,11 @@ fn run_command(args: RunArgs) -> Result<()> {
         suite.name
     );
     ensure!(
-        args.worlds.is_none() || matches!(suite.protocol, Protocol::Synthetic { .. }),
+        args.worlds.is_none()
+            || matches!(
+                suite.protocol,
+                Protocol::Synthetic { .. } | Protocol::Grid { .. }
+            ),
         "--worlds is for synthetic suites; `{}` is none",
         suite.name
     );
@@ -394,6 +399,15 @@ fn run_suite(suite: &Suite, options: &RunOptions, n: Option<u32>, replays: &Repl
         results.write(&json)?;
         let report = options.out.join("report.html");
         report::write_series(&results, &report)?;
+        eprintln!("wrote {} and {}", json.display(), report.display());
+        return Ok(());
+    }
+    if let Some(results) = grid::run(suite, options)? {
+        println!("{}", grid::table(&results));
+        let json = options.out.join(format!("{}.json", results.suite));
+        results.write(&json)?;
+        let report = options.out.join("report.html");
+        report::write_grid(&results, &report)?;
         eprintln!("wrote {} and {}", json.display(), report.display());
         return Ok(());
     }

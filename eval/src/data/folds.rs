@@ -97,6 +97,7 @@ pub fn folds(
             bail!("worlds and parts bring their own folds")
         }
         Protocol::Series { .. } => bail!("a series is no dataset of images"),
+        Protocol::Grid { .. } => bail!("a grid is no dataset of images"),
     };
     let words = in_words(protocol, &folds);
     Ok((folds, words))

@@ -11,6 +11,7 @@ mod axis;
 mod content;
 mod curves;
 mod facts;
+mod grid;
 mod headline;
 mod html;
 mod judgement;
@@ -33,6 +34,7 @@ pub use content::{
     FeatureClass, FeaturePicture, GalleryImage, Mistake, ObservedState, PicturedFeature, Pictures,
     ProbabilityCurve, Raster, RasterRow, TimeAxis,
 };
+pub use grid::{render_grid, write_grid};
 use headline::Headline;
 use page::document;
 pub use series::{render_series, write_series};

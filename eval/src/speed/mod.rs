@@ -7,7 +7,7 @@
 //! fastest repetition of each, because that is what other programs on the machine disturb least.
 //!
 //! Temporal models are compared with the papers' sums written plainly, in processor time of one
-//! thread.
+//! thread; grids with dense arrays.
 //!
 //! A section is a module that returns rows; [`run`] puts them one after the other.
 //!
@@ -20,6 +20,7 @@
 
 mod end_to_end;
 mod extraction;
+mod grid;
 mod measurement;
 mod opening;
 mod plot;
@@ -58,6 +59,11 @@ pub fn run(options: &SpeedOptions) -> Result<SpeedReport> {
     };
     eprintln!("learning and querying temporal models");
     report.measurements.extend(temporal_models()?);
+    eprintln!("observing and predicting grids");
+    report.measurements.extend(grid::measure()?);
+    report
+        .missing
+        .push("OctoMap's insert rate: not timed by this program".into());
     if !options.only_temporal {
         of_images(options, &mut report)?;
     }

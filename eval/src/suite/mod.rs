@@ -15,7 +15,7 @@ use serde::Deserialize;
 
 use crate::results::Tolerance;
 pub use arm::{Arm, Model, Ranking, Run, shipped};
-pub use protocol::{Form, Protocol};
+pub use protocol::{Form, GridExperiment, Protocol};
 
 /// The numbers of features a place that every suite runs unless it says otherwise.
 const SIZES: [usize; 13] = [5, 10, 15, 20, 25, 30, 40, 50, 75, 100, 150, 200, 300];
@@ -52,6 +52,14 @@ const BUILTIN: &[(&str, &str)] = &[
     ("door2016", include_str!("../../suites/door2016.toml")),
     ("aruba", include_str!("../../suites/aruba.toml")),
     ("edges", include_str!("../../suites/edges.toml")),
+    ("grid-office", include_str!("../../suites/grid-office.toml")),
+    ("grid-patrol", include_str!("../../suites/grid-patrol.toml")),
+    ("grid-boxes", include_str!("../../suites/grid-boxes.toml")),
+    (
+        "grid-presence",
+        include_str!("../../suites/grid-presence.toml"),
+    ),
+    ("grid-carmen", include_str!("../../suites/grid-carmen.toml")),
     ("synthetic", include_str!("../../suites/synthetic.toml")),
     ("foreign", include_str!("../../suites/foreign.toml")),
     ("ablation", include_str!("../../suites/ablation.toml")),
@@ -101,7 +109,7 @@ pub struct Suite {
     #[serde(default)]
     pub by_day: bool,
     /// What is run: the default beside all baselines where left out, but nothing in a suite of
-    /// series, which runs every temporal model.
+    /// series, which runs every temporal model, or of grids.
     #[serde(default)]
     pub arms: Vec<Arm>,
 }
@@ -178,7 +186,10 @@ impl Suite {
     pub fn with_tolerance(mut self, tolerance: Option<Tolerance>) -> Result<Self> {
         let has_no_places = matches!(
             self.protocol,
-            Protocol::Series { .. } | Protocol::Synthetic { .. } | Protocol::MultiDataset { .. }
+            Protocol::Series { .. }
+                | Protocol::Grid { .. }
+                | Protocol::Synthetic { .. }
+                | Protocol::MultiDataset { .. }
         );
         if tolerance.is_some() && has_no_places {
             return Err(Error::new(
@@ -206,8 +217,11 @@ impl Suite {
         };
         let mut suite: Self = toml::from_str(text).map_err(|cause| bad(cause.to_string()))?;
         name.clone_into(&mut suite.name);
-        let is_of_series = matches!(suite.protocol, Protocol::Series { .. });
-        if suite.arms.is_empty() && !is_of_series {
+        let has_no_images = matches!(
+            suite.protocol,
+            Protocol::Series { .. } | Protocol::Grid { .. }
+        );
+        if suite.arms.is_empty() && !has_no_images {
             suite.arms = own_arms()?;
         }
         let tolerance = suite.tolerance;

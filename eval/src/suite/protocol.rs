@@ -58,6 +58,18 @@ pub enum Protocol {
         /// The share of samples that is left where they are thinned.
         share: f64,
     },
+    /// Occupancy grids; see [`grid`](crate::grid).
+    #[serde(rename_all = "kebab-case")]
+    Grid {
+        /// What is done with them.
+        experiment: GridExperiment,
+        /// Where worlds are simulated: the first one's seed.
+        #[serde(default)]
+        first_seed: u64,
+        /// How many of them.
+        #[serde(default = "one")]
+        num_seeds: u64,
+    },
     /// Worlds of these seeds, each with and without rhythms.
     #[serde(rename_all = "kebab-case")]
     Synthetic {
@@ -104,6 +116,22 @@ fn time<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Time, D::Error> {
 
 fn optional_time<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Time>, D::Error> {
     time(deserializer).map(Some)
+}
+
+/// What is done with grids.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GridExperiment {
+    /// A simulated office in 3-D is watched for weeks (T-RO 2017, section VI).
+    Office,
+    /// Robots patrol simulated offices (IROS 2016).
+    Patrol,
+    /// A robot drives through boxes that come and go (the thesis).
+    Boxes,
+    /// Recorded detections of people: one day foretells others.
+    Presence,
+    /// Recorded laser scans with corrected poses.
+    Carmen,
 }
 
 /// The files of a suite of series.

@@ -1,6 +1,7 @@
 //! The made-up run, from answers to files and into a browser.
 
 mod browser;
+mod grid;
 mod own;
 mod pictures;
 mod sample;

@@ -1,0 +1,50 @@
+//! People in a corridor: does one recorded day foretell another?
+
+use std::path::Path;
+
+use anyhow::{Result, bail};
+use fremen_grid::experiment::{Detections, PresenceConfig, presence};
+
+use super::results::{Cell, GridResults, GridTable};
+
+pub(super) fn run(folder: &Path, results: &mut GridResults) -> Result<()> {
+    let names = super::recordings(folder, "txt")?;
+    let [learnt, foretold @ ..] = &names[..] else {
+        bail!("{}: no recorded days", folder.display());
+    };
+    if foretold.is_empty() {
+        bail!(
+            "{}: one recorded day, where two are needed (help: the first by name is learnt, the others \
+             are foretold)",
+            folder.display()
+        );
+    }
+    let day = Detections::read(folder.join(learnt))?;
+    results.setup.push(format!(
+        "{learnt} is learnt; cells of 1 m, slots of a minute"
+    ));
+    for (number, name) in foretold.iter().enumerate() {
+        let other = Detections::read(folder.join(name))?;
+        let found = presence(&day, &other, &PresenceConfig::default())?;
+        let mut table = GridTable::new(
+            &format!("day-{}", number + 1),
+            &format!("{name} is foretold"),
+            "model",
+            &[
+                ("brier", "Brier", 5),
+                ("gain", "better than the mean by %", 1),
+            ],
+        );
+        let mean = found.first().map_or(f64::NAN, |it| it.brier);
+        for it in &found {
+            let gain = 100.0 * (1.0 - it.brier / mean);
+            table.push(
+                it.name,
+                it.name == "FreMEn, order 2",
+                &[Some(Cell::exact(it.brier)), Some(Cell::exact(gain))],
+            );
+        }
+        results.tables.push(table);
+    }
+    Ok(())
+}

@@ -2,6 +2,7 @@
 //! `cargo run --release -p fremen-grid --example grid_quarantine -- [OFFICES] [FIRST_SEED] [dev]
 //! [moved] [guarded] [list]`
 
+use std::fmt::Write as _;
 use std::io::Write as _;
 
 use fremen_grid::Result;
@@ -33,9 +34,10 @@ fn main() -> Result<()> {
     if has("list") {
         for office in &report.offices {
             for (number, patrol) in office.guarded.iter().enumerate() {
-                text += &format!(
+                let _ = writeln!(
+                    text,
                     "{} {number:2} {:8} wrong {:.4} expected {:.4} limit {:.4} error {:.4} lost \
-                     {:.3} {}{}\n",
+                     {:.3} {}{}",
                     office.seed,
                     format!("{:?}", patrol.corruption),
                     patrol.disagreement,

@@ -37,6 +37,8 @@ const WORLDS: [(&str, &str, BoxPeriods, bool); 4] = [
 
 /// The position in [`PREDICTED_BY`] of what is shipped, and of the last observation.
 const SHIPPED: usize = 1;
+/// The rhythms alone: the best form in the worlds of seeds 0 and 1, which are no part of the suite.
+const JUDGED: usize = 0;
 const LAST: usize = 3;
 
 pub(super) fn run(seeds: &[u64], results: &mut GridResults) -> Result<()> {
@@ -89,32 +91,34 @@ pub(super) fn run(seeds: &[u64], results: &mut GridResults) -> Result<()> {
                 ],
             );
         }
-        let recall = |at: usize| 100.0 * report.counts[at].recall();
-        let best = (0..LAST)
-            .max_by(|&a, &b| recall(a).total_cmp(&recall(b)))
-            .unwrap_or(SHIPPED);
-        match id {
-            "ideal" => results.target(
-                recall(best) >= 95.0,
-                "ideal, recall >= 95 %",
-                format!("{:.1} % by {}", recall(best), PREDICTED_BY[best]),
-            ),
-            "noisy" => {
-                results.target(
-                    recall(best) >= 75.0,
-                    "noisy, recall >= 75 %",
-                    format!("{:.1} % by {}", recall(best), PREDICTED_BY[best]),
-                );
-                let accuracy = |at: usize| 100.0 * report.counts[at].accuracy();
-                results.target(
-                    accuracy(best) > accuracy(LAST),
-                    "noisy, more accurate than the last observation",
-                    format!("{:.1} % against {:.1} %", accuracy(best), accuracy(LAST)),
-                );
-            }
-            _ => {}
-        }
+        judge(id, &report.counts, results);
         results.tables.push(table);
     }
     Ok(())
+}
+
+/// What is wanted of the form that is judged.
+fn judge(id: &str, counts: &[BoxCounts], results: &mut GridResults) {
+    let recall = |at: usize| 100.0 * counts[at].recall();
+    match id {
+        "ideal" => results.target(
+            recall(JUDGED) >= 95.0,
+            "ideal, recall >= 95 %",
+            format!("{:.1} % by {}", recall(JUDGED), PREDICTED_BY[JUDGED]),
+        ),
+        "noisy" => {
+            results.target(
+                recall(JUDGED) >= 75.0,
+                "noisy, recall >= 75 %",
+                format!("{:.1} % by {}", recall(JUDGED), PREDICTED_BY[JUDGED]),
+            );
+            let accuracy = |at: usize| 100.0 * counts[at].accuracy();
+            results.target(
+                accuracy(JUDGED) > accuracy(LAST),
+                "noisy, more accurate than the last observation",
+                format!("{:.1} % against {:.1} %", accuracy(JUDGED), accuracy(LAST)),
+            );
+        }
+        _ => {}
+    }
 }

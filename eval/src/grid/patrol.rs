@@ -166,6 +166,11 @@ fn corrupted(report: &QuarantineReport, results: &mut GridResults) {
     }
     push("all", report);
     results.tables.push(table);
+    judge_guard(report, results);
+    draw_guard(report, results);
+}
+
+fn judge_guard(report: &QuarantineReport, results: &mut GridResults) {
     let (corrupted, good) = (report.corrupted(), report.good());
     results.target(
         corrupted.0 == corrupted.1,
@@ -187,6 +192,10 @@ fn corrupted(report: &QuarantineReport, results: &mut GridResults) {
             100.0 * unguarded
         ),
     );
+}
+
+/// The error day by day, and what the guard saw.
+fn draw_guard(report: &QuarantineReport, results: &mut GridResults) {
     let mean = |of: &dyn Fn(&OfficePatrols) -> &Vec<fremen_grid::experiment::PatrolResult>| {
         let num = report
             .offices

@@ -220,6 +220,12 @@ fn draw(html: &mut String, plot: &Plot, number: usize) {
         html.push_str("</g>");
     }
     html.push_str("</svg><ul class=\"keys\">");
+    keys(html, plot, number);
+    html.push_str("</ul></figure>\n");
+}
+
+/// The names of the curves, which can be pressed.
+fn keys(html: &mut String, plot: &Plot, number: usize) {
     for (index, curve) in plot.curves.iter().enumerate() {
         put!(
             html,
@@ -231,7 +237,6 @@ fn draw(html: &mut String, plot: &Plot, number: usize) {
             Esc(&curve.name)
         );
     }
-    html.push_str("</ul></figure>\n");
 }
 
 /// As many digits as a step needs.

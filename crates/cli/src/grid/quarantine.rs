@@ -125,7 +125,7 @@ fn list(args: &ListArgs, out: &mut Output) -> Result<Outcome> {
                 "id": id,
                 "time": judgement.time.to_string(),
                 "observer": held.observer,
-                "reason": judgement.reason.map(|it| word(it)),
+                "reason": judgement.reason.map(word),
                 "disagreement": judgement.disagreement,
                 "expected": judgement.expected,
                 "limit": finite(judgement.limit),

@@ -132,34 +132,9 @@ pub(super) fn decode_held(spec: &GridSpec, mut bytes: &[u8]) -> Option<(u64, Qua
         [3] => Some(Reason::Nothing),
         _ => return None,
     };
-    let registration = match take::<1>(bytes)? {
-        [0] => None,
-        [1] => {
-            let mut values = [0.0; 6];
-            for value in &mut values {
-                *value = take_f64(bytes).filter(|it| it.is_finite())?;
-            }
-            let [x, y, heading, shift_m, score, score_before] = values;
-            Some(Registration {
-                motion: Pose2::new(x, y, heading),
-                shift_m,
-                score,
-                score_before,
-            })
-        }
-        _ => return None,
-    };
-    let mut contradictions = [Vec::new(), Vec::new()];
-    for cells in &mut contradictions {
-        let mut last = 0_usize;
-        for _ in 0..take_varint(bytes)? {
-            last = last.checked_add(usize::try_from(take_varint(bytes)?).ok()?)?;
-            if last >= spec.num_cells() {
-                return None;
-            }
-            cells.push(last);
-        }
-    }
+    let mut registration = None;
+    take_registration(bytes, &mut registration)?;
+    let contradictions = [take_cells(bytes, spec)?, take_cells(bytes, spec)?];
     let observations = decode_observations(take_block(bytes)?)?;
     if observations.len() != 1 {
         return None;
@@ -197,6 +172,41 @@ pub(super) fn decode_held(spec: &GridSpec, mut bytes: &[u8]) -> Option<(u64, Qua
             contradictions,
         },
     ))
+}
+
+/// Writes what the bytes say, which may be that there was none; none where they say nothing.
+fn take_registration(bytes: &mut &[u8], found: &mut Option<Registration>) -> Option<()> {
+    match take::<1>(bytes)? {
+        [0] => Some(()),
+        [1] => {
+            let mut values = [0.0; 6];
+            for value in &mut values {
+                *value = take_f64(bytes).filter(|it| it.is_finite())?;
+            }
+            let [x, y, heading, shift_m, score, score_before] = values;
+            *found = Some(Registration {
+                motion: Pose2::new(x, y, heading),
+                shift_m,
+                score,
+                score_before,
+            });
+            Some(())
+        }
+        _ => None,
+    }
+}
+
+/// Ascending indices of cells.
+fn take_cells(bytes: &mut &[u8], spec: &GridSpec) -> Option<Vec<usize>> {
+    let (mut cells, mut last) = (Vec::new(), 0_usize);
+    for _ in 0..take_varint(bytes)? {
+        last = last.checked_add(usize::try_from(take_varint(bytes)?).ok()?)?;
+        if last >= spec.num_cells() {
+            return None;
+        }
+        cells.push(last);
+    }
+    Some(cells)
 }
 
 /// The map as the one observation that it would be.

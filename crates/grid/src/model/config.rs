@@ -37,11 +37,11 @@ pub enum CellModel {
 pub enum Persistence {
     /// Nothing: p(t) = f(t).
     None,
-    /// The state stays for a while: p(t) = w s + (1 - w) f(t) (IROS 2016 eq. 2).
+    /// The state stays for a while: `p(t) = w s + (1 - w) f(t)` (IROS 2016 eq. 2).
     #[default]
     State,
-    /// What the rhythms did not foresee stays for a while: p(t) = f(t) + w (s - f(t_last)), cut to
-    /// 0..=1.
+    /// What the rhythms did not foresee stays for a while: `p(t) = f(t) + w (s - f(t_last))`, cut
+    /// to 0..=1.
     ///
     /// Deviation: a state that the rhythms had foreseen says nothing new, so it does not outlive the
     /// change that they foresee. Without rhythms, f is constant and this is [`Self::State`].

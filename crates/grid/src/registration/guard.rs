@@ -6,7 +6,7 @@
 //!
 //! `limit = median(D_h) + k max(MAD(D_h), E)`
 //!
-//! D_h are the disagreements of believed maps at similar hours of the day: a night in which nothing
+//! `D_h` are the disagreements of believed maps at similar hours of the day: a night in which nothing
 //! moves says nothing of what is usual at noon. E is the disagreement that the predicted map expects
 //! of itself ([`Comparison::expected`]): where many cells are uncertain, much may be otherwise, and
 //! a single door that was forgotten open in a quiet night is no failure of mapping. Shifts are judged

@@ -275,43 +275,44 @@ fn rearranged(report: &QuarantineReport, results: &mut GridResults) {
         &format!("Furniture that is moved before patrol {MOVED_AT}"),
         "office",
         &[
-            ("held", "quarantined before it is adopted", 0),
-            ("adopted_after", "adopted with patrol", 0),
-            ("held_later", "good maps quarantined else", 0),
+            ("held", "quarantined before it is believed", 0),
+            ("believed_with", "believed with patrol", 0),
+            ("is_adopted", "by recognising it", 0),
+            ("held_before", "good maps quarantined before", 0),
         ],
     );
-    let (mut num_soon, mut num_held, mut num_good) = (0, 0, 0);
+    let (mut num_soon, mut num_before, mut num_good) = (0, 0, 0);
     for office in &report.offices {
-        let after = &office.guarded[MOVED_AT.min(office.guarded.len())..];
-        let adopted = after.iter().position(|patrol| patrol.is_adopted);
-        let held = after.iter().take(adopted.unwrap_or(after.len()));
-        let held = held.filter(|patrol| patrol.is_quarantined).count();
-        let all = office.guarded.iter().skip(report.num_trusted);
-        let elsewhere = all.clone().filter(|patrol| patrol.is_quarantined).count() - held;
-        num_held += elsewhere;
-        num_good += all.count();
-        // Within five patrols; or nobody ever needed to be convinced, because all were believed.
-        num_soon +=
-            usize::from(adopted.is_some_and(|at| at < 5) || (held == 0 && adopted.is_none()));
+        let (before, after) = office.guarded.split_at(MOVED_AT.min(office.guarded.len()));
+        let judged = &before[report.num_trusted.min(before.len())..];
+        let held = after.iter().filter(|patrol| patrol.is_quarantined).count();
+        let held_before = judged.iter().filter(|patrol| patrol.is_quarantined).count();
+        // The first patrol from which on no map is held.
+        let last = after.iter().rposition(|patrol| patrol.is_quarantined);
+        let believed = last.map_or(0, |at| at + 1);
+        let is_adopted = after.iter().any(|patrol| patrol.is_adopted);
+        num_soon += usize::from(believed < 5);
+        num_before += held_before;
+        num_good += judged.len();
         table.push(
             &format!("seed {}", office.seed),
             false,
             &[
                 Some(Cell::exact(held as f64)),
-                adopted.map(|at| Cell::exact((at + 1) as f64)),
-                Some(Cell::exact(elsewhere as f64)),
+                Some(Cell::exact((believed + 1) as f64)),
+                Some(Cell::exact(f64::from(u8::from(is_adopted)))),
+                Some(Cell::exact(held_before as f64)),
             ],
         );
     }
     results.tables.push(table);
     results.target(
         num_soon == report.offices.len(),
-        "a rearrangement is adopted within five patrols",
+        "a rearrangement is believed within five patrols",
         format!("in {num_soon} of {} offices", report.offices.len()),
     );
     results.notes.push(format!(
-        "With moved furniture {num_held} of {num_good} good maps were quarantined beside those that show \
-         the change before it is adopted"
+        "Where furniture is moved, {num_before} of {num_good} maps before that were quarantined"
     ));
 }
 

@@ -1,4 +1,4 @@
-//! People in a corridor: does one recorded day foretell another?
+//! People in a corridor: does one recorded day predict another?
 
 use std::path::Path;
 
@@ -9,13 +9,13 @@ use super::results::{Cell, GridResults, GridTable};
 
 pub(super) fn run(folder: &Path, results: &mut GridResults) -> Result<()> {
     let names = super::recordings(folder, "txt")?;
-    let [learnt, foretold @ ..] = &names[..] else {
+    let [learnt, predicted @ ..] = &names[..] else {
         bail!("{}: no recorded days", folder.display());
     };
-    if foretold.is_empty() {
+    if predicted.is_empty() {
         bail!(
             "{}: one recorded day, where two are needed (help: the first by name is learnt, the others \
-             are foretold)",
+             are predicted)",
             folder.display()
         );
     }
@@ -23,12 +23,17 @@ pub(super) fn run(folder: &Path, results: &mut GridResults) -> Result<()> {
     results.setup.push(format!(
         "{learnt} is learnt; cells of 1 m, slots of a minute"
     ));
-    for (number, name) in foretold.iter().enumerate() {
+    results.notes.push(
+        "The mean is the averaged map. The last minute of the learnt day says nothing of another day, and \
+         the oracle, that day itself, has a Brier score of 0"
+            .into(),
+    );
+    for (number, name) in predicted.iter().enumerate() {
         let other = Detections::read(folder.join(name))?;
         let found = presence(&day, &other, &PresenceConfig::default())?;
         let mut table = GridTable::new(
             &format!("day-{}", number + 1),
-            &format!("{name} is foretold"),
+            &format!("{name} is predicted"),
             "model",
             &[
                 ("brier", "Brier", 5),

@@ -128,7 +128,7 @@ pub enum GridExperiment {
     Patrol,
     /// A robot drives through boxes that come and go (the thesis).
     Boxes,
-    /// Recorded detections of people: one day foretells others.
+    /// Recorded detections of people: one day predicts others.
     Presence,
     /// Recorded laser scans with corrected poses.
     Carmen,

@@ -36,14 +36,14 @@ fn run() -> anyhow::Result<GridResults> {
 fn a_day_is_learnt_another_judged_and_both_are_shown() {
     let results = run().unwrap();
     let [table] = &results.tables[..] else {
-        panic!("one day is foretold: {:?}", results.tables);
+        panic!("one day is predicted: {:?}", results.tables);
     };
     let brier = |row: &str| table.value(row, "brier").unwrap().value;
     assert!(brier("histogram, 24 h") < 0.01 && brier("FreMEn, order 2") < 0.7 * brier("mean"));
     assert_eq!(table.value("mean", "gain").unwrap().value, 0.0);
     let text = grid::table(&results);
     assert!(
-        text.contains("* FreMEn, order 2") && text.contains("day-9.txt is foretold"),
+        text.contains("* FreMEn, order 2") && text.contains("day-9.txt is predicted"),
         "{text}"
     );
     let dir = tempfile::tempdir().unwrap();

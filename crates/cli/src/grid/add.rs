@@ -278,19 +278,19 @@ fn say(
             "num_observations": history.num_observations(),
             "dims": [w, h, d],
         }))?;
-        return Ok(outcome);
+    } else {
+        let known = match added.num_known {
+            0 => String::new(),
+            num => format!(" ({num} known already)"),
+        };
+        out.line(format_args!(
+            "{}: {} observations added{known}, {} in all, {w} x {h} x {d} cells, generation {}",
+            path.display(),
+            added.num_new,
+            history.num_observations(),
+            file.generation()
+        ))?;
     }
-    let known = match added.num_known {
-        0 => String::new(),
-        num => format!(" ({num} known already)"),
-    };
-    out.line(format_args!(
-        "{}: {} observations added{known}, {} in all, {w} x {h} x {d} cells, generation {}",
-        path.display(),
-        added.num_new,
-        history.num_observations(),
-        file.generation()
-    ))?;
     if added.num_dropped > 0 {
         note!(
             "note: {} older maps were dropped from quarantine for want of room",

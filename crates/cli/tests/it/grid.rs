@@ -271,7 +271,7 @@ fn a_doubtful_map_is_quarantined_listed_accepted_or_dropped() {
     assert_eq!(inspected.lines()[0]["num_observations"], 57);
     assert!(fixture.run(line).code == 0, "it is known now");
     // Whoever trusts a map says so.
-    fixture.succeeds("grid rollback week.grid --to 1");
+    fixture.succeeds("grid rollback week.grid --to 3");
     fixture
         .succeeds(&format!("{line} --trust"))
         .prints(&["1 observations added"]);

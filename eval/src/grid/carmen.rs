@@ -6,6 +6,7 @@ use anyhow::Result;
 use fremen_grid::experiment::{CarmenConfig, carmen};
 use fremen_grid::scan::read_carmen;
 
+use super::recordings::recordings;
 use super::results::{Cell, GridResults, GridTable};
 use crate::progress::Progress;
 
@@ -13,7 +14,7 @@ use crate::progress::Progress;
 const JUDGED_M: f64 = 5.0;
 
 pub(super) fn run(folder: &Path, results: &mut GridResults) -> Result<()> {
-    let names = super::recordings(folder, "log")?;
+    let names = recordings(folder, "log")?;
     results.setup.push(
         "a map of four fifths of the scans of each log; the others are localised in it, with noise added \
          to the motion between corrected poses, because the logs have no raw odometry"

@@ -12,12 +12,13 @@ mod office;
 mod patrol;
 mod presence;
 mod process;
+mod recordings;
 mod results;
 mod table;
 
-use std::path::{Path, PathBuf};
+use anyhow::{Result, ensure};
 
-use anyhow::{Context, Result, ensure};
+use recordings::files;
 
 use crate::provenance::{commit, machine};
 use crate::run::RunOptions;
@@ -52,45 +53,4 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Option<GridResults>> {
     results.machine = machine();
     results.command.clone_from(&options.command);
     Ok(Some(results))
-}
-
-/// The folder of recorded data: the dataset's in the one that is named, or that one itself.
-fn files(suite: &Suite, options: &RunOptions) -> Result<PathBuf> {
-    let data = options.data.as_deref().with_context(|| {
-        format!(
-            "suite `{}` needs recorded data: name their folder with --data DIR or the variable \
-             CHRONOTOPE_DATA",
-            suite.name
-        )
-    })?;
-    let inner = data.join(&suite.dataset);
-    Ok(if inner.is_dir() {
-        inner
-    } else {
-        data.to_owned()
-    })
-}
-
-/// The names of recordings in a folder, in order: files with this ending, or that and `.gz`.
-fn recordings(folder: &Path, ending: &str) -> Result<Vec<String>> {
-    let entries = std::fs::read_dir(folder)
-        .with_context(|| format!("cannot read the folder {}", folder.display()))?;
-    let mut names = Vec::new();
-    for entry in entries {
-        let name = entry?.file_name().to_string_lossy().into_owned();
-        let plain = name.strip_suffix(".gz").unwrap_or(&name);
-        if plain
-            .strip_suffix(ending)
-            .is_some_and(|stem| stem.ends_with('.'))
-        {
-            names.push(name);
-        }
-    }
-    names.sort();
-    ensure!(
-        !names.is_empty(),
-        "{}: no recordings *.{ending} or *.{ending}.gz",
-        folder.display()
-    );
-    Ok(names)
 }

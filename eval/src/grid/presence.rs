@@ -5,10 +5,11 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use fremen_grid::experiment::{Detections, PresenceConfig, presence};
 
+use super::recordings::recordings;
 use super::results::{Cell, GridResults, GridTable};
 
 pub(super) fn run(folder: &Path, results: &mut GridResults) -> Result<()> {
-    let names = super::recordings(folder, "txt")?;
+    let names = recordings(folder, "txt")?;
     let [learnt, predicted @ ..] = &names[..] else {
         bail!("{}: no recorded days", folder.display());
     };

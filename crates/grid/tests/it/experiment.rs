@@ -118,9 +118,13 @@ fn boxes_with_known_periods_are_foreseen() -> Result<()> {
     };
     let report = boxes(&config)?;
     assert_eq!(report, boxes(&config)?);
-    let [_, persistent, _, last, averaged] = report.counts;
+    let [rhythms, persistent, _, last, averaged] = report.counts;
     assert_eq!(report.worlds.len(), 1);
-    assert!(persistent.recall() > 0.75, "{persistent:?}");
+    // 83.8 % and 82.7 % are reached. In fifty minutes the longest boxes have come and gone twice, and
+    // two rhythms of a cell round off the edges of its square wave; what is missed is at these edges.
+    assert!(rhythms.recall() > 0.83, "{rhythms:?}");
+    assert!(persistent.recall() > 0.82, "{persistent:?}");
+    assert!(rhythms.recall() > last.recall(), "{rhythms:?} {last:?}");
     assert!(
         persistent.accuracy() > averaged.accuracy(),
         "{persistent:?} {averaged:?}"

@@ -224,7 +224,7 @@ fn a_doubtful_map_is_quarantined_listed_accepted_or_dropped() {
     let before = digest(&fixture, "week.grid");
     let added = fixture.run(&format!("{line} --json"));
     assert_eq!(added.code, 1, "{added:?}");
-    added.prints(&["grid quarantine list week.grid"]);
+    added.notes(&["grid quarantine list week.grid"]);
     let summary = &added.lines()[0];
     assert_eq!(summary["num_added"], 0);
     assert_eq!(summary["num_observations"], 56);
@@ -261,7 +261,7 @@ fn a_doubtful_map_is_quarantined_listed_accepted_or_dropped() {
     assert_eq!(digest(&fixture, "week.grid"), before);
     fixture
         .succeeds("grid quarantine list week.grid")
-        .prints(&["no map is in quarantine"]);
+        .notes(&["no map is in quarantine"]);
     fixture.succeeds("grid rollback week.grid --to 2");
     assert_eq!(digest(&fixture, "week.grid"), held);
     fixture

@@ -1,13 +1,16 @@
 //! How do other programs read a map, and how are theirs read?
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::Args;
+use fremen::file::OutputFile;
 
 use super::outcome::Outcome;
 use super::output::{Output, contents};
 use super::unpacked::unpacked;
+use super::way_maps::{ExportFormat, Origin, to_dot, to_geojson, to_tmap2};
 use chronotope::error::{Error, ErrorKind};
 use chronotope::feature::{ExtractorConfig, StarBriefConfig};
 use chronotope::learn::{self, LearnConfig};
@@ -20,15 +23,20 @@ use chronotope::map::{
 /// Write a map as a folder of plain files: CSV tables and arrays that numpy opens.
 ///
 /// `map import` makes the same map of it again, bit for bit. maps/README.md describes the files.
+/// With another --format, one file with the places and the ways between them, for planners and for
+/// people.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   chronotope map export street.map --out street/
-  chronotope map export street.map street/ --canonical")]
+  chronotope map export street.map street/ --canonical
+  chronotope map export street.map --format tmap2 --out street.tmap2.yaml
+  chronotope map export street.map --format geojson --origin 50.0755,14.4378 --out street.geojson
+  chronotope map export street.map --format dot --out street.dot")]
 pub(super) struct ExportArgs {
     /// The map file.
     map: PathBuf,
-    /// The folder to write; must not exist yet, or be empty.
+    /// The folder to write; must not exist yet, or be empty. With another format, the file.
     #[arg(value_name = "DIR", required_unless_present = "out")]
     folder: Option<PathBuf>,
     /// The same, as other commands have it.
@@ -37,6 +45,12 @@ pub(super) struct ExportArgs {
     /// In the order that `map merge` gives, so that maps that say the same become the same files.
     #[arg(long)]
     canonical: bool,
+    /// What to write.
+    #[arg(long, value_name = "FORMAT", default_value = "folder")]
+    format: ExportFormat,
+    /// For geojson: what the positions are counted from, in degrees.
+    #[arg(long, value_name = "LATITUDE,LONGITUDE", allow_hyphen_values = true)]
+    origin: Option<Origin>,
 }
 
 /// Make a map of a folder that `map export` has written, or of maps of the FreMEn authors'
@@ -67,8 +81,31 @@ pub(super) fn export(args: &ExportArgs, out: &mut Output) -> Result<Outcome> {
     let Some(folder) = args.out.as_ref().or(args.folder.as_ref()) else {
         anyhow::bail!("--out is missing");
     };
-    snapshot.export(folder)?;
-    print_summary(out, folder, &snapshot)
+    let name = args.map.file_stem().unwrap_or_default().to_string_lossy();
+    let text = match (args.format, args.origin) {
+        (ExportFormat::Folder, _) => {
+            snapshot.export(folder)?;
+            return print_summary(out, folder, &snapshot);
+        }
+        (ExportFormat::Tmap2, _) => to_tmap2(&snapshot, &name),
+        (ExportFormat::Geojson, Some(origin)) => to_geojson(&snapshot, origin),
+        (ExportFormat::Geojson, None) => anyhow::bail!(
+            "GeoJSON is in degrees (help: say what the map's metres are counted from: --origin \
+             LATITUDE,LONGITUDE)"
+        ),
+        (ExportFormat::Dot, _) => Ok(to_dot(&snapshot, &name)),
+    };
+    let text = text.map_err(|error| error.with_path(&args.map))?;
+    let mut file = OutputFile::begin_new(folder)?;
+    file.write_all(text.as_bytes())?;
+    file.finish()?;
+    out.line(format_args!(
+        "{}: {} places, {} ways",
+        folder.display(),
+        snapshot.nodes.len(),
+        snapshot.edges.len()
+    ))?;
+    Ok(Outcome::Good)
 }
 
 pub(super) fn import(args: &ImportArgs, out: &mut Output) -> Result<Outcome> {

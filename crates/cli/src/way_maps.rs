@@ -103,7 +103,7 @@ pub(super) fn to_tmap2(snapshot: &Snapshot, name: &str) -> Result<String> {
         let _ = write!(
             text,
             "    localise_by_topic: ''\n    name: {key}\n    parent_frame: map\n    pose:\n      orientation: \
-             {{w: 1.0, x: 0.0, y: 0.0, z: 0.0}}\n      position: {{x: {x:?}, y: {y:?}, z: {z:?}}}\n    \
+             {{w: 1.0, x: 0.0, y: 0.0, z: 0.0}}\n      position: {{x: {x:.6}, y: {y:.6}, z: {z:.6}}}\n    \
              properties:\n      xy_goal_tolerance: 0.3\n      yaw_goal_tolerance: 0.1\n    \
              restrictions_planning: 'True'\n    restrictions_runtime: 'True'\n    verts:\n"
         );

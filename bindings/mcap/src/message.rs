@@ -323,6 +323,34 @@ mod tests {
     }
 
     #[test]
+    fn made_up_bytes_are_an_error_or_a_message_and_never_a_panic() {
+        let mut state = 7_u64;
+        let mut random = || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (state >> 33) as u8
+        };
+        for round in 0..20_000 {
+            let len = usize::from(random());
+            let mut bytes: Vec<u8> = (0..len).map(|_| random()).collect();
+            // Mostly plain CDR in either order, with short texts.
+            for (byte, value) in bytes.iter_mut().zip([0, round as u8 & 1, 0, 0]) {
+                *byte = value;
+            }
+            for at in [13, 14, 15, 17, 18, 19] {
+                if let Some(byte) = bytes.get_mut(at).filter(|_| round % 3 == 0) {
+                    *byte = 0;
+                }
+            }
+            let _ = (RawImage::read(&bytes), EncodedImage::read(&bytes));
+            let _ = (CameraInfo::read(&bytes), Fix::read(&bytes));
+            let _ = (Pose::stamped(&bytes), Pose::of_odometry(&bytes));
+            let _ = (Transform::read_all(&bytes), text(&bytes));
+        }
+    }
+
+    #[test]
     fn types_are_known_by_either_name() {
         for name in ["sensor_msgs/msg/Image", "sensor_msgs/Image"] {
             assert_eq!(MessageType::named(name), Some(MessageType::Image));

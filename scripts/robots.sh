@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Builds and tests what robots use: bags in and out (bindings/mcap), the C interface (bindings/c).
-# Needs Rust, a C and C++ compiler and python3 (with venv), installed through apt-get where missing;
-# valgrind and cmake are used where they are. Two writers and a reader of bags come from PyPI, pinned by hash,
+# Needs Rust, a C and C++ compiler and python3 (with venv), installed through apt-get where missing, as are
+# cmake, pkg-config and valgrind, without which their parts are skipped. Two writers and a reader of bags come from PyPI, pinned by hash,
 # into a throw-away environment; cbindgen comes from crates.io into the target folder, once.
 # CHRONOTOPE_COMMAND names the command that maps are compared with; it is built otherwise.
 set -euo pipefail
@@ -11,6 +11,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 need_rust
 need_c_compiler
 need_python
+need_robot_tools
 
 CBINDGEN_VERSION=0.29.4
 bags=bindings/mcap

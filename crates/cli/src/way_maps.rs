@@ -28,9 +28,9 @@ pub(super) enum ExportFormat {
     /// A folder of plain files with all of it.
     #[default]
     Folder,
-    /// Places and ways for LCAS topological_navigation.
+    /// Places and ways for `topological_navigation` of LCAS.
     Tmap2,
-    /// Places and ways as GeoJSON; needs --origin.
+    /// Places and ways in degrees, as geographic tools read them; needs --origin.
     Geojson,
     /// Places and ways for Graphviz.
     Dot,
@@ -121,7 +121,7 @@ pub(super) fn to_tmap2(snapshot: &Snapshot, name: &str) -> Result<String> {
     Ok(text)
 }
 
-/// The text of a GeoJSON file, its poses taken as metres east and north of `origin`.
+/// The text of a `GeoJSON` file, its poses taken as metres east and north of `origin`.
 pub(super) fn to_geojson(snapshot: &Snapshot, origin: Origin) -> Result<String> {
     let nodes = with_poses(snapshot)?;
     let point = |[x, y, z]: [f64; 3]| -> [f64; 3] {

@@ -1,4 +1,4 @@
-# Sourced by demo.sh and test.sh: installs Debian and Ubuntu packages, and says so.
+# Sourced by the other scripts: installs Debian and Ubuntu packages, and says so.
 
 # The words of the arguments, in bold on a terminal, and the seconds since the script began.
 say() {
@@ -64,6 +64,17 @@ want_browser() {
     done
     (install_packages chromium) ||
         say "no Chromium could be installed: the test that opens the report in a browser is skipped"
+}
+
+# A C++ compiler; and, without which something is skipped, what the examples in C are built and watched with.
+need_robot_tools() {
+    local tool missing=()
+    command -v c++ >/dev/null || install_packages g++
+    for tool in cmake pkg-config valgrind; do
+        command -v "$tool" >/dev/null || missing+=("$tool")
+    done
+    [ ${#missing[@]} -eq 0 ] || (install_packages "${missing[@]}") ||
+        say "${missing[*]} could not be installed: some checks of the C library are skipped"
 }
 
 # Python 3.10 or later that can make environments: Debian keeps `venv` in a package of its own.

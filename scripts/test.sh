@@ -75,6 +75,10 @@ done
 say "python"
 CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope") bash scripts/python.sh
 
+# Maps from bags are compared with those of the same command.
+say "robots"
+CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope") bash scripts/robots.sh
+
 # Last, because rerun takes minutes: no release, no debug information (crates/dashboard/Cargo.toml), and
 # no clippy, which would go through its 400 crates a second time. The evaluation with its feature
 # `dashboard` shares them (crates/dashboard/quick.toml): half a minute.

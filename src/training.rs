@@ -217,7 +217,21 @@ impl Training {
     /// of reading the dataset as a whole and of creating a map.
     pub fn to_build(data: &Path, out: &Path, cfg: &TrainingConfig) -> Result<Self> {
         Map::refuse_existing(out)?;
-        let dataset = open_dataset(data, cfg)?;
+        Self::to_build_from(open_dataset(data, cfg)?, out, cfg)
+    }
+
+    /// [`to_build`](Self::to_build) from a dataset that is open already: entries whose images come
+    /// from anywhere, such as a robot's log ([`ImageSource`](crate::dataset::ImageSource)).
+    ///
+    /// Its entries are sorted by time, then place, then id. Of `cfg`, how a folder is read counts no
+    /// more; its adjustment of images does.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`to_build`](Self::to_build), but of reading the dataset.
+    pub fn to_build_from(dataset: Dataset, out: &Path, cfg: &TrainingConfig) -> Result<Self> {
+        Map::refuse_existing(out)?;
+        let dataset = dataset.adjusted(&cfg.adjustment);
         let judges = cfg.learn.guard().judge() == Judge::Updates;
         let learn = cfg.learn.clone().for_building();
         let extractor = ExtractorConfig::StarBrief(
@@ -254,12 +268,19 @@ impl Training {
     ///
     /// [`ErrorKind::Io`] if the map may not be written, else those of reading the dataset as a whole.
     pub fn to_update(map: Map, data: &Path, cfg: &TrainingConfig) -> Result<Self> {
-        if map.is_read_only() {
-            return Err(Error::new(ErrorKind::Io, "this map may not be written")
-                .with_path(map.path())
-                .with_help("change the rights or copy it"));
-        }
-        let dataset = open_dataset(data, cfg)?;
+        refuse_read_only(&map)?;
+        Self::to_update_from(map, open_dataset(data, cfg)?, cfg)
+    }
+
+    /// [`to_update`](Self::to_update) from a dataset that is open already, as
+    /// [`to_build_from`](Self::to_build_from) takes it.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`to_update`](Self::to_update), but of reading the dataset.
+    pub fn to_update_from(map: Map, dataset: Dataset, cfg: &TrainingConfig) -> Result<Self> {
+        refuse_read_only(&map)?;
+        let dataset = dataset.adjusted(&cfg.adjustment);
         let mut learn = cfg.learn.clone();
         if dataset.clock == Clock::None {
             // Times that only number the visits are no clock's.
@@ -562,7 +583,16 @@ fn part_of(map: &Path) -> PathBuf {
 
 fn open_dataset(data: &Path, cfg: &TrainingConfig) -> Result<Dataset> {
     let (manifest, data_dir) = Manifest::locate(data)?;
-    Ok(Dataset::read(&manifest, &data_dir, &cfg.reading)?.adjusted(&cfg.adjustment))
+    Dataset::read(&manifest, &data_dir, &cfg.reading)
+}
+
+fn refuse_read_only(map: &Map) -> Result<()> {
+    if map.is_read_only() {
+        return Err(Error::new(ErrorKind::Io, "this map may not be written")
+            .with_path(map.path())
+            .with_help("change the rights or copy it"));
+    }
+    Ok(())
 }
 
 /// Adds the poses of places and the edges between them, as far as the map has the places.

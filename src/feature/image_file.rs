@@ -70,7 +70,8 @@ impl DecodeLimits {
         self
     }
 
-    fn check(&self, width: u64, height: u64) -> Result<()> {
+    /// Whether an image of so many pixels may be decoded; without any it is broken.
+    pub fn check(&self, width: u64, height: u64) -> Result<()> {
         if width == 0 || height == 0 {
             return Err(Error::new(
                 ErrorKind::Format,
@@ -257,33 +258,37 @@ pub fn load_mask(path: impl AsRef<Path>, options: &LoadOptions) -> Result<GrayIm
 pub fn picture_size(path: impl AsRef<Path>, limits: &DecodeLimits) -> Result<(u32, u32)> {
     let path = path.as_ref();
     read_file(path, limits)
-        .and_then(|bytes| {
-            let format = format_of(&bytes)?;
-            // Whether a JPEG is whole takes as long as decoding it.
-            let picture = match format {
-                ImageFormat::Png => {
-                    whole::picture(&bytes, format, &|width, height| limits.check(width, height))?
-                }
-                _ => bytes.as_slice().into(),
-            };
-            let mut decoder = decoder(&picture, format, limits)?;
-            let (width, height) = decoder.dimensions();
-            limits.check(u64::from(width), u64::from(height))?;
-            let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-            let is_on_its_side = matches!(
-                orientation,
-                Orientation::Rotate90
-                    | Orientation::Rotate270
-                    | Orientation::Rotate90FlipH
-                    | Orientation::Rotate270FlipH
-            );
-            Ok(if is_on_its_side {
-                (height, width)
-            } else {
-                (width, height)
-            })
-        })
+        .and_then(|bytes| encoded_size(&bytes, limits))
         .map_err(|error| error.with_path(path))
+}
+
+/// Columns and rows of the upright picture that [`decode_gray`] makes of the bytes of an encoded
+/// image, without its pixels.
+pub fn encoded_size(bytes: &[u8], limits: &DecodeLimits) -> Result<(u32, u32)> {
+    let format = format_of(bytes)?;
+    // Whether a JPEG is whole takes as long as decoding it.
+    let picture = match format {
+        ImageFormat::Png => {
+            whole::picture(bytes, format, &|width, height| limits.check(width, height))?
+        }
+        _ => bytes.into(),
+    };
+    let mut decoder = decoder(&picture, format, limits)?;
+    let (width, height) = decoder.dimensions();
+    limits.check(u64::from(width), u64::from(height))?;
+    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+    let is_on_its_side = matches!(
+        orientation,
+        Orientation::Rotate90
+            | Orientation::Rotate270
+            | Orientation::Rotate90FlipH
+            | Orientation::Rotate270FlipH
+    );
+    Ok(if is_on_its_side {
+        (height, width)
+    } else {
+        (width, height)
+    })
 }
 
 /// The bytes of a file that is not above the limit.

@@ -16,7 +16,6 @@ mod extractor_config;
 mod gray;
 #[cfg(feature = "dataset")]
 pub mod image_file;
-#[cfg(any(feature = "dataset", feature = "opencv"))]
 mod luma;
 #[cfg(feature = "opencv")]
 pub mod opencv_input;
@@ -37,7 +36,9 @@ pub use extractor::Extractor;
 pub use extractor_config::{CornerBriefConfig, ExtractorConfig};
 pub use gray::{GrayImage, GrayView, Rect};
 #[cfg(feature = "dataset")]
-pub use image_file::{DecodeLimits, LoadOptions, load_gray, load_mask, picture_size};
+pub use image_file::{
+    DecodeLimits, LoadOptions, decode_gray, encoded_size, load_gray, load_mask, picture_size,
+};
 pub use star_brief::StarBrief;
 pub use star_brief_config::StarBriefConfig;
 pub use transform::{PixelDigest, Rotation, mask_from_rects};

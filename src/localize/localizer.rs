@@ -163,7 +163,7 @@ impl Localizer {
     }
 
     /// How many features of an appearance the configured selection takes.
-    pub(crate) fn largest_size(&self) -> usize {
+    pub fn largest_size(&self) -> usize {
         self.map.largest_size()
     }
 

@@ -43,6 +43,8 @@ const WRITERS: [(&str, &str); 1] = [(
 
 fn sources() -> impl Iterator<Item = (String, String)> {
     let folders = [
+        "bindings/c/src",
+        "bindings/mcap/src",
         "bindings/python/src",
         "src",
         "crates/cli/src",

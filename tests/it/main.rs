@@ -25,4 +25,5 @@ mod robot;
 mod source_text;
 mod synthetic;
 mod tracking;
+mod training;
 mod untrusted;

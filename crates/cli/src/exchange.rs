@@ -1,13 +1,18 @@
 //! How do other programs read a map, and how are theirs read?
 
+use std::collections::BTreeSet;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::Args;
+use fremen::file::OutputFile;
 
 use super::outcome::Outcome;
 use super::output::{Output, contents};
 use super::unpacked::unpacked;
+use super::way_map_file::WayMap;
+use super::way_maps::{ExportFormat, Origin, to_dot, to_geojson, to_tmap2};
 use chronotope::error::{Error, ErrorKind};
 use chronotope::feature::{ExtractorConfig, StarBriefConfig};
 use chronotope::learn::{self, LearnConfig};
@@ -20,15 +25,20 @@ use chronotope::map::{
 /// Write a map as a folder of plain files: CSV tables and arrays that numpy opens.
 ///
 /// `map import` makes the same map of it again, bit for bit. maps/README.md describes the files.
+/// With another --format, one file with the places and the ways between them, for planners and for
+/// people.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   chronotope map export street.map --out street/
-  chronotope map export street.map street/ --canonical")]
+  chronotope map export street.map street/ --canonical
+  chronotope map export street.map --format tmap2 --out street.tmap2.yaml
+  chronotope map export street.map --format geojson --origin 50.0755,14.4378 --out street.geojson
+  chronotope map export street.map --format dot --out street.dot")]
 pub(super) struct ExportArgs {
     /// The map file.
     map: PathBuf,
-    /// The folder to write; must not exist yet, or be empty.
+    /// The folder to write; must not exist yet, or be empty. With another format, the file.
     #[arg(value_name = "DIR", required_unless_present = "out")]
     folder: Option<PathBuf>,
     /// The same, as other commands have it.
@@ -37,6 +47,12 @@ pub(super) struct ExportArgs {
     /// In the order that `map merge` gives, so that maps that say the same become the same files.
     #[arg(long)]
     canonical: bool,
+    /// What to write.
+    #[arg(long, value_name = "FORMAT", default_value = "folder")]
+    format: ExportFormat,
+    /// For geojson: what the positions are counted from, in degrees.
+    #[arg(long, value_name = "LATITUDE,LONGITUDE", allow_hyphen_values = true)]
+    origin: Option<Origin>,
 }
 
 /// Make a map of a folder that `map export` has written, or of maps of the FreMEn authors'
@@ -45,18 +61,25 @@ pub(super) struct ExportArgs {
 /// Those are YAML files of OpenCV's `FileStorage`, one a place; the name of the file becomes that
 /// of the place. Their times are taken for seconds since 1970. They hold no images' own features,
 /// so the experience methods cannot be used with such a map.
+///
+/// With --onto, a topological map of LCAS (`tmap2`): its nodes give their positions to the places of
+/// the same names, and its edges become ways between them. Exit code 1 if the map lacks some.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   chronotope map import street/ --out street.map
-  chronotope map import place_0.yaml place_1.yaml --out park.map")]
+  chronotope map import place_0.yaml place_1.yaml --out park.map
+  chronotope map import site.tmap2.yaml --onto site.map")]
 pub(super) struct ImportArgs {
     /// A folder, or YAML files.
     #[arg(required = true, value_name = "DIR|YAML")]
     from: Vec<PathBuf>,
     /// The file to write; one that exists is never overwritten.
-    #[arg(long, value_name = "MAP")]
-    out: PathBuf,
+    #[arg(long, value_name = "MAP", required_unless_present = "onto")]
+    out: Option<PathBuf>,
+    /// A map that nodes and edges of a topological map are added to, as one generation.
+    #[arg(long, value_name = "MAP", conflicts_with = "out")]
+    onto: Option<PathBuf>,
 }
 
 pub(super) fn export(args: &ExportArgs, out: &mut Output) -> Result<Outcome> {
@@ -67,18 +90,76 @@ pub(super) fn export(args: &ExportArgs, out: &mut Output) -> Result<Outcome> {
     let Some(folder) = args.out.as_ref().or(args.folder.as_ref()) else {
         anyhow::bail!("--out is missing");
     };
-    snapshot.export(folder)?;
-    print_summary(out, folder, &snapshot)
+    let name = args.map.file_stem().unwrap_or_default().to_string_lossy();
+    let text = match (args.format, args.origin) {
+        (ExportFormat::Folder, _) => {
+            snapshot.export(folder)?;
+            return print_summary(out, folder, &snapshot);
+        }
+        (ExportFormat::Tmap2, _) => to_tmap2(&snapshot, &name),
+        (ExportFormat::Geojson, Some(origin)) => to_geojson(&snapshot, origin),
+        (ExportFormat::Geojson, None) => anyhow::bail!(
+            "GeoJSON is in degrees (help: say what the map's metres are counted from: --origin \
+             LATITUDE,LONGITUDE)"
+        ),
+        (ExportFormat::Dot, _) => Ok(to_dot(&snapshot, &name)),
+    };
+    let text = text.map_err(|error| error.with_path(&args.map))?;
+    let mut file = OutputFile::begin_new(folder)?;
+    file.write_all(text.as_bytes())?;
+    file.finish()?;
+    out.line(format_args!(
+        "{}: {} places, {} ways",
+        folder.display(),
+        snapshot.nodes.len(),
+        snapshot.edges.len()
+    ))?;
+    Ok(Outcome::Good)
 }
 
 pub(super) fn import(args: &ImportArgs, out: &mut Output) -> Result<Outcome> {
-    Map::refuse_existing(&args.out)?;
+    if let Some(map) = &args.onto {
+        return import_ways(&args.from, map, out);
+    }
+    let Some(path) = &args.out else {
+        anyhow::bail!("--out is missing");
+    };
+    Map::refuse_existing(path)?;
     let snapshot = match &args.from[..] {
         [folder] if folder.is_dir() => Snapshot::import(folder)?,
         files => import_yaml(files)?,
     };
-    Map::create_from(&args.out, &snapshot)?;
-    print_summary(out, &args.out, &snapshot)
+    Map::create_from(path, &snapshot)?;
+    print_summary(out, path, &snapshot)
+}
+
+/// Adds what a topological map says of places that the map has.
+fn import_ways(from: &[PathBuf], path: &Path, out: &mut Output) -> Result<Outcome> {
+    let [file] = from else {
+        anyhow::bail!("--onto takes one topological map");
+    };
+    let ways = WayMap::read(file)?;
+    let map = Map::open(path)?;
+    let mut unknown = BTreeSet::new();
+    let generation = map
+        .update(|snapshot| {
+            let (changed, missing) = ways.onto(snapshot)?;
+            unknown = missing;
+            Ok(changed)
+        })
+        .map_err(|error| error.with_path(path))?;
+    for name in &unknown {
+        note!("problem: {}: the map has no place `{name}`", file.display());
+    }
+    let snapshot = map.snapshot();
+    let num_posed = snapshot.nodes.iter().filter(|it| it.pose.is_some()).count();
+    out.line(format_args!(
+        "{}: {} places, {num_posed} of them with positions, {} edges, generation {generation}",
+        path.display(),
+        snapshot.nodes.len(),
+        snapshot.edges.len()
+    ))?;
+    Ok(Outcome::of_check(unknown.is_empty()))
 }
 
 fn print_summary(out: &mut Output, path: &Path, snapshot: &Snapshot) -> Result<Outcome> {

@@ -45,6 +45,8 @@ mod spectrum;
 mod spectrum_svg;
 mod unpacked;
 mod warnings;
+mod way_map_file;
+mod way_maps;
 mod within;
 
 use std::io::IsTerminal;

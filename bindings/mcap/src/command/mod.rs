@@ -1,0 +1,10 @@
+//! What does each command do?
+
+pub(crate) mod arguments;
+pub(crate) mod build;
+pub(crate) mod check;
+pub(crate) mod interrupt;
+pub(crate) mod layout;
+pub(crate) mod localize;
+pub(crate) mod outcome;
+pub(crate) mod output;

@@ -1,0 +1,139 @@
+#!/usr/bin/env bash
+# Builds and tests what robots use: bags in and out (bindings/mcap), the C interface (bindings/c).
+# Needs Rust, a C and C++ compiler and python3 (with venv), installed through apt-get where missing, as are
+# cmake, pkg-config and valgrind, without which their parts are skipped. Two writers and a reader of bags come from PyPI, pinned by hash,
+# into a throw-away environment; cbindgen comes from crates.io into the target folder, once.
+# CHRONOTOPE_COMMAND names the command that maps are compared with; it is built otherwise.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+. scripts/system_packages.sh
+
+need_rust
+need_c_compiler
+need_python
+need_robot_tools
+
+CBINDGEN_VERSION=0.29.4
+bags=bindings/mcap
+library=bindings/c
+target=${CARGO_TARGET_DIR:-target}
+mkdir -p "$target"
+target=$(realpath "$target")
+export CARGO_TARGET_DIR=$target
+environment=$(mktemp -d)
+trap 'rm -rf "$environment"' EXIT
+
+if [ -z "${CHRONOTOPE_COMMAND:-}" ]; then
+    say "robots: the command to compare with"
+    cargo build --locked -p chronotope-cli
+    CHRONOTOPE_COMMAND=$target/debug/chronotope
+fi
+
+say "robots: fmt"
+cargo fmt --manifest-path $bags/Cargo.toml --all --check
+cargo fmt --manifest-path $library/Cargo.toml --all --check
+
+say "robots: bags"
+cargo build --locked --manifest-path $bags/Cargo.toml --bins --examples
+cargo test --locked --manifest-path $bags/Cargo.toml </dev/null
+cargo run --quiet --locked --manifest-path $bags/Cargo.toml --example render_street -- "$environment/street"
+
+say "robots: bags of two writers, answers in a reader"
+python3 -m venv "$environment/python"
+python=$environment/python/bin/python
+"$python" -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: \
+    -r $bags/tests/requirements.txt
+CHRONOTOPE=$CHRONOTOPE_COMMAND CHRONOTOPE_BAGS=$target/debug/chronotope-bags STREET=$environment/street \
+    "$python" $bags/tests/test_bags.py
+
+say "robots: the C library"
+cargo build --locked --manifest-path $library/Cargo.toml
+cargo test --locked --manifest-path $library/Cargo.toml </dev/null
+if ! "$target/tools/bin/cbindgen" --version 2>/dev/null | grep -qx "cbindgen $CBINDGEN_VERSION"; then
+    say "robots: installing cbindgen $CBINDGEN_VERSION into $target/tools"
+    CARGO_TARGET_DIR=$target/tools/build cargo install --quiet --locked --root "$target/tools" \
+        --version "$CBINDGEN_VERSION" cbindgen
+    rm -rf "$target/tools/build"
+fi
+(cd $library && "$target/tools/bin/cbindgen" --quiet --output "$environment/chronotope.h")
+diff "$environment/chronotope.h" $library/include/chronotope.h ||
+    fail "commit what cbindgen writes as $library/include/chronotope.h"
+
+say "robots: installed, with its name for the loader"
+prefix=$environment/prefix
+bash $library/install.sh "$prefix" "$target/debug"
+readelf -d "$prefix/lib/libchronotope.so" | grep -q 'SONAME.*\[libchronotope.so.1\]' ||
+    fail "the library has not the SONAME libchronotope.so.1"
+# The interface that programs were compiled for: nothing of it goes without another number.
+nm -D --defined-only "$prefix/lib/libchronotope.so" | awk '$3 ~ /^chronotope_/ { print $3 }' | sort \
+    >"$environment/symbols"
+diff $library/tests/symbols.txt "$environment/symbols" ||
+    fail "the exported functions changed: write them to $library/tests/symbols.txt, and where one went or \
+changed, raise the number of the interface"
+
+say "robots: the header as C99 and C++17, the examples"
+warnings="-Wall -Wextra -Wpedantic -Werror"
+export PKG_CONFIG_PATH=$prefix/lib/pkgconfig LD_LIBRARY_PATH=$prefix/lib
+if command -v pkg-config >/dev/null; then
+    flags=$(pkg-config --cflags --libs chronotope)
+else
+    flags="-I$prefix/include -L$prefix/lib -lchronotope"
+fi
+programs=$environment/programs
+mkdir -p "$programs"
+# shellcheck disable=SC2086 # flags are words
+{
+    echo '#include "chronotope.h"' >"$programs/alone.c"
+    ${CC:-cc} -std=c99 $warnings -fsyntax-only -I"$prefix/include" "$programs/alone.c"
+    echo '#include "chronotope.hpp"' >"$programs/alone.cpp"
+    ${CXX:-c++} -std=c++17 $warnings -fsyntax-only -I"$prefix/include" "$programs/alone.cpp"
+    ${CC:-cc} -std=c99 $warnings -g $library/examples/localize.c -o "$programs/localize" $flags
+    ${CXX:-c++} -std=c++17 $warnings -g $library/examples/robot.cpp -o "$programs/robot" $flags
+    ${CC:-cc} -std=c99 $warnings -g $library/tests/border.c -o "$programs/border" $flags
+    ${CC:-cc} -std=c99 $warnings $library/examples/localize.c -o "$programs/localize-static" \
+        -I"$prefix/include" "$prefix/lib/libchronotope.a" -lm -ldl -lpthread
+    ${CC:-cc} -std=c99 $warnings -g -fsanitize=address $library/tests/border.c -o "$programs/border-asan" $flags
+    ${CC:-cc} -std=c99 $warnings -g -fsanitize=address $library/examples/localize.c \
+        -o "$programs/localize-asan" $flags
+}
+map=$environment/street.map
+"$CHRONOTOPE_COMMAND" map build --data "$environment/street" --out "$map" >/dev/null
+num_located=0
+walk=()
+while IFS=, read -r path place time; do
+    [ "$path" = path ] && continue
+    seconds=${path##*/}
+    seconds=${seconds%.*}
+    image=$environment/street/$path
+    walk+=("$seconds" "$image")
+    answer=$("$programs/localize" "$map" "$seconds" "$image") || [ $? = 1 ] || fail "localize: $answer"
+    case $answer in
+    "at $place "*) num_located=$((num_located + 1)) ;;
+    "at "*) fail "$image at $time: $answer" ;;
+    esac
+done <"$environment/street/index.csv"
+echo "C: $num_located of $((${#walk[@]} / 2)) images of the street located, none at a wrong place"
+[ "$num_located" -ge 18 ] || fail "learnt images are located"
+"$programs/robot" "$map" "${walk[@]}" | tail -2
+"$programs/localize-static" "$map" "${walk[0]}" "${walk[1]}" || [ $? = 1 ]
+"$programs/border" "$map"
+
+say "robots: under AddressSanitizer, and valgrind where it is"
+"$programs/border-asan" "$map"
+"$programs/localize-asan" "$map" "${walk[0]}" "${walk[1]}" || [ $? = 1 ]
+if command -v valgrind >/dev/null; then
+    # Kernels of AVX-512 are none that valgrind knows.
+    CHRONOTOPE_KERNEL=scalar valgrind --quiet --error-exitcode=9 --leak-check=full \
+        --show-leak-kinds=definite --errors-for-leak-kinds=definite "$programs/border" "$map"
+else
+    echo "valgrind: skipped (apt-get install valgrind)"
+fi
+if command -v cmake >/dev/null; then
+    cmake -S $library/examples -B "$environment/cmake" >/dev/null
+    cmake --build "$environment/cmake" >/dev/null
+    "$environment/cmake/localize" "$map" "${walk[0]}" "${walk[1]}" || [ $? = 1 ]
+else
+    echo "cmake: skipped (apt-get install cmake)"
+fi
+
+say "robots: done"

@@ -53,6 +53,10 @@ impl Explored for Known {
         self.explored.kept(place, age_s)
     }
 
+    fn kept_squared(&self, place: usize, age_s: f64) -> f64 {
+        self.explored.kept_squared(place, age_s)
+    }
+
     fn last_look(&self, place: usize) -> Option<Time> {
         self.explored.last_look(place)
     }

@@ -18,8 +18,6 @@
 //! `4 p (1 - p)` stands for the uncertainty of a state: 0 to 1 as bits are, and what the squared
 //! error counts.
 
-use std::collections::BinaryHeap;
-
 use fremen::{Error, ErrorKind, Result, Time};
 
 use crate::explored::{Explored, check_p};
@@ -159,37 +157,26 @@ impl Outlook {
             let gain = self.gain(place, slot, planned);
             (gain, gain.value() * (1.0 + nudge(place, slot)))
         };
-        let mut planned: Vec<Vec<usize>> = vec![Vec::new(); self.places.len()];
-        // The looks of each slot that may be chosen, the best on top; none of a slot that is taken.
-        let mut open: Vec<BinaryHeap<Candidate>> = (0..self.slots.len())
-            .map(|slot| {
-                let places = 0..if slot < from { 0 } else { self.places.len() };
-                let candidates = places.map(|place| Candidate {
-                    value: value(place, slot, &[]).1,
-                    slot,
-                    place,
-                    num_planned: 0,
-                });
-                candidates.collect()
-            })
-            .collect();
+        let num_places = self.places.len();
+        let mut planned: Vec<Vec<usize>> = vec![Vec::new(); num_places];
+        let mut open = Open::new(self.slots.len(), num_places);
+        for place in 0..num_places {
+            for slot in from..self.slots.len() {
+                open.offer(slot, place, value(place, slot, &[]).1);
+            }
+        }
         let mut chosen = Vec::new();
         while chosen.len() < budget {
-            let tops = open.iter().filter_map(BinaryHeap::peek);
-            let Some(&best) = tops.max() else { break };
-            let Candidate { place, slot, .. } = best;
+            let Some((slot, place)) = open.best() else {
+                break;
+            };
             let (gain, value) = value(place, slot, &planned[place]);
-            if best.num_planned < planned[place].len() {
+            if open.is_older(slot, place, planned[place].len()) {
                 // It was worth that much before other looks were planned.
-                open[slot].pop();
-                open[slot].push(Candidate {
-                    value,
-                    num_planned: planned[place].len(),
-                    ..best
-                });
+                open.change(slot, place, value, planned[place].len());
                 continue;
             }
-            open[slot].clear();
+            open.take(slot);
             let at = planned[place].partition_point(|&other| other < slot);
             planned[place].insert(at, slot);
             chosen.push(Chosen { slot, place, gain });
@@ -306,27 +293,72 @@ pub(crate) struct Chosen {
     gain: Gain,
 }
 
-/// A look that may be chosen; the best is the greatest, the earliest of equals.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Candidate {
-    value: f64,
-    slot: usize,
-    place: usize,
-    num_planned: usize,
+/// The looks that may still be chosen: what each place in each slot adds as far as it was worked out,
+/// and the best place of each slot. 12 bytes a look.
+#[derive(Debug)]
+struct Open {
+    num_places: usize,
+    /// Slot by slot.
+    values: Vec<f64>,
+    /// Visits to the place that were planned when its value was worked out.
+    num_planned: Vec<u32>,
+    /// The first of the best places of each slot and what it adds; nothing where the slot is taken.
+    best: Vec<Option<(f64, usize)>>,
 }
 
-impl Eq for Candidate {}
-
-impl PartialOrd for Candidate {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
+impl Open {
+    /// Without any look.
+    fn new(num_slots: usize, num_places: usize) -> Self {
+        Self {
+            num_places,
+            values: vec![0.0; num_slots * num_places],
+            num_planned: vec![0; num_slots * num_places],
+            best: vec![None; num_slots],
+        }
     }
-}
 
-impl Ord for Candidate {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        let later = (other.slot, other.place).cmp(&(self.slot, self.place));
-        self.value.total_cmp(&other.value).then(later)
+    /// Adds a look; those of a slot in the order of places.
+    fn offer(&mut self, slot: usize, place: usize, value: f64) {
+        self.values[slot * self.num_places + place] = value;
+        if self.best[slot].is_none_or(|(best, _)| value > best) {
+            self.best[slot] = Some((value, place));
+        }
+    }
+
+    /// Slot and place of the look that adds most: the first slot of equals.
+    fn best(&self) -> Option<(usize, usize)> {
+        let mut most: Option<(f64, usize, usize)> = None;
+        for (slot, best) in self.best.iter().enumerate() {
+            if let &Some((value, place)) = best
+                && most.is_none_or(|(most, ..)| value > most)
+            {
+                most = Some((value, slot, place));
+            }
+        }
+        most.map(|(_, slot, place)| (slot, place))
+    }
+
+    /// Whether the value of a look was worked out before the last of so many visits was planned.
+    fn is_older(&self, slot: usize, place: usize, num_planned: usize) -> bool {
+        (self.num_planned[slot * self.num_places + place] as usize) < num_planned
+    }
+
+    fn change(&mut self, slot: usize, place: usize, value: f64, num_planned: usize) {
+        let row = slot * self.num_places..(slot + 1) * self.num_places;
+        self.values[row.start + place] = value;
+        self.num_planned[row.start + place] = num_planned as u32;
+        let mut best = (f64::NEG_INFINITY, 0);
+        for (place, &value) in self.values[row].iter().enumerate() {
+            if value > best.0 {
+                best = (value, place);
+            }
+        }
+        self.best[slot] = Some(best);
+    }
+
+    /// The slot is given away.
+    fn take(&mut self, slot: usize) {
+        self.best[slot] = None;
     }
 }
 
@@ -395,6 +427,27 @@ fn uncertainty(
         Which::Now => explored.predict_into(place, time, p),
         Which::Usual => explored.usual_into(place, time, p),
     }
-    check_p(explored, place, time, p)?;
-    Ok(p.iter().map(|&p| 4.0 * p * (1.0 - p)).sum())
+    let Some(sum) = sum_of_uncertainty(p) else {
+        return check_p(explored, place, time, p).map(|()| 0.0);
+    };
+    Ok(sum)
+}
+
+/// `sum of 4 p (1 - p)`, eight at a time; `None` if one of them is no probability.
+fn sum_of_uncertainty(p: &[f64]) -> Option<f64> {
+    const LANES: usize = 8;
+    let mut sums = [0.0; LANES];
+    let mut are_all = true;
+    let (whole, rest) = p.as_chunks::<LANES>();
+    for p in whole {
+        for (sum, &p) in sums.iter_mut().zip(p) {
+            are_all &= (0.0..=1.0).contains(&p);
+            *sum += p * (1.0 - p);
+        }
+    }
+    for &p in rest {
+        are_all &= (0.0..=1.0).contains(&p);
+        sums[0] += p * (1.0 - p);
+    }
+    are_all.then_some(4.0 * sums.iter().sum::<f64>())
 }

@@ -267,3 +267,41 @@ impl OnlineModel for Histogram {
         self.count.last
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A look at noon of so many days, and at every hour of so many others.
+    fn looks_at_midnight(noons: i64, days: i64, state: impl Fn(i64) -> bool) -> f64 {
+        let mut model = Histogram::new(1, Period::DAY, 96, Smoothing::DEFAULT);
+        for day in 0..noons {
+            model.observe(Time::from_s(day * 86_400 + 43_200), &[false]);
+        }
+        for hour in 0..24 * days {
+            model.observe(Time::from_s((noons * 24 + hour) * 3_600), &[state(hour)]);
+        }
+        model.learn().unwrap_or_default();
+        model.looks(Time::from_s(0))
+    }
+
+    #[test]
+    fn hours_that_nobody_has_seen_are_unknown_until_hours_are_known_to_be_alike() {
+        let noons = looks_at_midnight(12, 0, |_| false);
+        assert!(noons < 3.0, "{noons}");
+        // Every third hour, whatever the hour of the day: five days, then one more hour.
+        let alike = looks_at_midnight(0, 15, |hour| hour % 25 % 3 == 0);
+        assert!(alike > 30.0, "{alike}");
+        // By day only: no night says anything of another hour.
+        let differ = looks_at_midnight(0, 15, |hour| (8..20).contains(&(hour % 24)));
+        assert!(differ < 0.6 * alike, "{differ} {alike}");
+    }
+
+    #[test]
+    fn the_logarithm_of_gamma_is_that_of_factorials() {
+        for (x, gamma) in [(1.0, 1.0_f64), (5.0, 24.0), (10.0, 362_880.0)] {
+            assert!((ln_gamma(x) - gamma.ln()).abs() < 1e-8, "{x}");
+        }
+        assert!((ln_gamma(0.5) - std::f64::consts::PI.sqrt().ln()).abs() < 1e-8);
+    }
+}

@@ -252,3 +252,46 @@ impl OnlineModel for Persistent {
         self.of.last_look()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::online::long_term::LongTerm;
+
+    /// Looks every hour at a coin.
+    fn coin(num_looks: i64) -> Persistent {
+        let mut model = Persistent::new(Box::new(LongTerm::new(1)));
+        let mut number = 1_u64;
+        for look in 0..num_looks {
+            number = number
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            model.observe(Time::from_s(look * 3_600), &[number >> 63 == 1]);
+            if look % 24 == 23 {
+                model.learn().unwrap_or_default();
+            }
+        }
+        model.learn().unwrap_or_default();
+        model
+    }
+
+    #[test]
+    fn what_is_expected_falls_as_stays_are_paired_and_never_below_what_is_measured() {
+        let hours = |hours: f64| hours * 3_600.0;
+        let nothing = coin(0);
+        assert!((nothing.kept_squared(hours(2.0)) - 1.0 / 3.0).abs() < 1e-9);
+        let [few, many] = [9, 4_000].map(coin);
+        // Nine looks without anything in common: nobody knows.
+        assert!(few.kept_squared(hours(2.0)) > 0.05);
+        assert!(many.kept_squared(hours(2.0)) < 0.01);
+        for model in [&nothing, &few, &many] {
+            let ages = [0.0, 0.1, 0.5, 1.0, 2.0, 8.0, 24.0, 100.0].map(hours);
+            let squared = ages.map(|age_s| model.kept_squared(age_s));
+            assert!(squared.is_sorted_by(|a, b| a >= b), "{squared:?}");
+            for (&age_s, &squared) in ages.iter().zip(&squared).skip(3) {
+                assert!((0.0..=1.0).contains(&squared));
+                assert!(squared + 1e-3 >= model.kept(age_s).powi(2), "{age_s}");
+            }
+        }
+    }
+}

@@ -110,6 +110,12 @@ impl Outlook {
         Ok(())
     }
 
+    /// Takes up that `place` was looked at in `slot`, after all slots of earlier calls, where what is
+    /// believed already knows what was seen.
+    pub(crate) fn made(&mut self, place: usize, slot: usize) {
+        self.places[place].done.push(slot);
+    }
+
     /// What a look in `slot` adds, given other looks that are planned (ascending).
     fn gain(&self, place: usize, slot: usize, planned: &[usize]) -> Gain {
         let outlook = &self.places[place];

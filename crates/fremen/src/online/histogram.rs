@@ -132,7 +132,9 @@ impl Histogram {
         let most = log.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let mut weights = log.map(|log| (log - most).exp());
         let sum: f64 = weights.iter().sum();
-        weights.iter_mut().for_each(|weight| *weight /= sum);
+        for weight in &mut weights {
+            *weight /= sum;
+        }
         weights
     }
 

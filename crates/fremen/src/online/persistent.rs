@@ -279,11 +279,12 @@ mod tests {
     fn what_is_expected_falls_as_stays_are_paired_and_never_below_what_is_measured() {
         let hours = |hours: f64| hours * 3_600.0;
         let nothing = coin(0);
-        assert!((nothing.kept_squared(hours(2.0)) - 1.0 / 3.0).abs() < 1e-9);
+        assert!(nothing.kept_squared(hours(2.0)) > UNKNOWN_VARIANCE);
         let [few, many] = [9, 4_000].map(coin);
         // Nine looks without anything in common: nobody knows.
-        assert!(few.kept_squared(hours(2.0)) > 0.05);
-        assert!(many.kept_squared(hours(2.0)) < 0.01);
+        let [few_say, many_say] = [&few, &many].map(|model| model.kept_squared(hours(2.0)));
+        assert!(few_say > 0.008, "{few_say}");
+        assert!(many_say < 0.2 * few_say, "{many_say}");
         for model in [&nothing, &few, &many] {
             let ages = [0.0, 0.1, 0.5, 1.0, 2.0, 8.0, 24.0, 100.0].map(hours);
             let squared = ages.map(|age_s| model.kept_squared(age_s));

@@ -3,9 +3,11 @@
 //! Finished answers become numbers and pictures here: [`results`] is the file `SUITE.json`,
 //! [`judge`] turns answers into rates with intervals, pairs two runs query by query and says
 //! whether posteriors and decisions deserve their trust, and [`report`] prints a run in a terminal
-//! and draws it as one HTML file. [`series`] does all of this for single states over time.
+//! and draws it as one HTML file. [`series`] does all of this for single states over time,
+//! and [`explore`] for ways to explore.
 
 pub mod data;
+pub mod explore;
 pub mod judge;
 pub(crate) mod progress;
 pub mod provenance;

@@ -70,7 +70,7 @@ mod worth;
 pub use beliefs::Beliefs;
 pub use explored::{Explored, Fitted};
 pub use explorer::{ExploreConfig, Explorer, MadeVisits, plan, plan_rest};
-pub use outlook::{Prospect, plan_tour, prospects};
+pub use outlook::{Prospect, next_look_bits, plan_tour, prospects};
 pub use plan::{Plan, Reason, Share, Visit};
 pub use recording::Recording;
 pub use roads::Roads;

@@ -262,6 +262,17 @@ pub fn prospects(explored: &dyn Explored, slots: &Slots, slot: usize) -> Result<
     Ok(prospects)
 }
 
+/// What each further look of `slots` is expected to add, in the order in which
+/// [`Strategy::Information`](crate::Strategy::Information) plans them: what the time for exploration is
+/// worth, to be spent until other work is worth more.
+///
+/// Fails where a model gives no probability.
+pub fn next_look_bits(explored: &dyn Explored, slots: &Slots) -> Result<Vec<f64>> {
+    let outlook = Outlook::new(explored, slots)?;
+    let chosen = outlook.choose(0, slots.len(), |_, _| 0.0);
+    Ok(chosen.iter().map(|chosen| chosen.gain.value()).collect())
+}
+
 /// The tour that teaches most: places and times by what a look leaves behind, with driving,
 /// opening times and charging. Visits are counted by the slots in which they begin, and nothing
 /// after the last slot is worth anything.

@@ -10,6 +10,7 @@
 mod axis;
 mod content;
 mod curves;
+mod explore;
 mod facts;
 mod headline;
 mod html;
@@ -33,6 +34,7 @@ pub use content::{
     FeatureClass, FeaturePicture, GalleryImage, Mistake, ObservedState, PicturedFeature, Pictures,
     ProbabilityCurve, Raster, RasterRow, TimeAxis,
 };
+pub use explore::{render_explore, write_explore};
 use headline::Headline;
 use page::document;
 pub use series::{render_series, write_series};

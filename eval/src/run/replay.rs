@@ -79,7 +79,7 @@ pub fn replay(
 pub fn check(suite: &Suite) -> Result<()> {
     if matches!(
         suite.protocol,
-        Protocol::Series { .. } | Protocol::MultiDataset { .. }
+        Protocol::Series { .. } | Protocol::Explore { .. } | Protocol::MultiDataset { .. }
     ) {
         bail!(
             "suite `{}` localises no images of its own, so there is nothing to trace (help: trace one \

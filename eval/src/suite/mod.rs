@@ -15,7 +15,7 @@ use serde::Deserialize;
 
 use crate::results::Tolerance;
 pub use arm::{Arm, Model, Ranking, Run, shipped};
-pub use protocol::{Form, Protocol};
+pub use protocol::{Form, Protocol, World};
 
 /// The numbers of features a place that every suite runs unless it says otherwise.
 const SIZES: [usize; 13] = [5, 10, 15, 20, 25, 30, 40, 50, 75, 100, 150, 200, 300];
@@ -55,6 +55,18 @@ const BUILTIN: &[(&str, &str)] = &[
     ("synthetic", include_str!("../../suites/synthetic.toml")),
     ("foreign", include_str!("../../suites/foreign.toml")),
     ("ablation", include_str!("../../suites/ablation.toml")),
+    (
+        "explore-aruba",
+        include_str!("../../suites/explore-aruba.toml"),
+    ),
+    (
+        "explore-witham",
+        include_str!("../../suites/explore-witham.toml"),
+    ),
+    (
+        "explore-aruba-travel",
+        include_str!("../../suites/explore-aruba-travel.toml"),
+    ),
 ];
 
 /// What is run on somebody's own images: the default beside all baselines.
@@ -178,7 +190,10 @@ impl Suite {
     pub fn with_tolerance(mut self, tolerance: Option<Tolerance>) -> Result<Self> {
         let has_no_places = matches!(
             self.protocol,
-            Protocol::Series { .. } | Protocol::Synthetic { .. } | Protocol::MultiDataset { .. }
+            Protocol::Series { .. }
+                | Protocol::Explore { .. }
+                | Protocol::Synthetic { .. }
+                | Protocol::MultiDataset { .. }
         );
         if tolerance.is_some() && has_no_places {
             return Err(Error::new(
@@ -206,7 +221,10 @@ impl Suite {
         };
         let mut suite: Self = toml::from_str(text).map_err(|cause| bad(cause.to_string()))?;
         name.clone_into(&mut suite.name);
-        let is_of_series = matches!(suite.protocol, Protocol::Series { .. });
+        let is_of_series = matches!(
+            suite.protocol,
+            Protocol::Series { .. } | Protocol::Explore { .. }
+        );
         if suite.arms.is_empty() && !is_of_series {
             suite.arms = own_arms()?;
         }

@@ -58,6 +58,14 @@ pub enum Protocol {
         /// The share of samples that is left where they are thinned.
         share: f64,
     },
+    /// Where to look next; see [`explore`](crate::explore).
+    #[serde(rename_all = "kebab-case")]
+    Explore {
+        /// What is explored.
+        world: World,
+        /// Seeds `0..num-seeds`.
+        num_seeds: u64,
+    },
     /// Worlds of these seeds, each with and without rhythms.
     #[serde(rename_all = "kebab-case")]
     Synthetic {
@@ -104,6 +112,18 @@ fn time<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Time, D::Error> {
 
 fn optional_time<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Time>, D::Error> {
     time(deserializer).map(Some)
+}
+
+/// The world of a suite of exploration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum World {
+    /// One person in ten rooms.
+    Aruba,
+    /// People in eight areas of an office.
+    Witham,
+    /// The ten rooms, and driving takes time.
+    ArubaTravel,
 }
 
 /// The files of a suite of series.

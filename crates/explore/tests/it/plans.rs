@@ -3,8 +3,8 @@
 use fremen::online::OnlineConfig;
 use fremen::{Period, Time};
 use fremen_explore::{
-    Beliefs, ExploreConfig, Explored, Explorer, MadeVisits, Share, Slots, Strategy, Visit, plan,
-    plan_rest, simulate,
+    Beliefs, ExploreConfig, Explored, Explorer, MadeVisits, Share, Slots, Strategy, Visit,
+    next_look_bits, plan, plan_rest, simulate,
 };
 use proptest::prelude::*;
 
@@ -168,4 +168,15 @@ fn a_place_that_was_looked_at_this_hour_is_worth_less_and_round_robin_goes_on() 
     };
     let plan = plan_rest(&beliefs, slots, &cfg, 60, &made).unwrap();
     assert_eq!(plan.visits().next().unwrap().place, 1);
+}
+
+#[test]
+fn each_further_look_of_a_day_is_expected_to_add_less() {
+    let (beliefs, slots) = a_week();
+    let bits = next_look_bits(&beliefs, &slots).unwrap();
+    assert_eq!(bits.len(), 144);
+    assert!(bits.iter().all(|bits| bits.is_finite() && *bits >= 0.0));
+    // The best look comes first; a look between two others may teach more of how long states stay.
+    assert!(bits[0] >= bits.iter().copied().fold(0.0, f64::max) - 1e-9);
+    assert!(bits[143] < 0.5 * bits[0], "{} {}", bits[143], bits[0]);
 }

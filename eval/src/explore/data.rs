@@ -7,6 +7,7 @@ use chronotope::Time;
 use fremen_explore::{Recording, Roads};
 use sha2::{Digest, Sha256};
 
+use crate::provenance::hex;
 use crate::suite::World;
 
 /// A world to explore.
@@ -40,12 +41,11 @@ pub(super) fn read(world: World, data: &Path) -> Result<Dataset> {
         World::ArubaTravel => Some(topology(data, &recording, &mut digest)?),
         World::Aruba | World::Witham => None,
     };
-    let bytes = digest.finalize();
     Ok(Dataset {
         recording,
         roads,
         published: (world == World::Aruba).then_some(&PUBLISHED),
-        sha256: bytes.iter().map(|byte| format!("{byte:02x}")).collect(),
+        sha256: hex(&digest.finalize()),
     })
 }
 

@@ -4,9 +4,10 @@
 //! [`judge`] turns answers into rates with intervals, pairs two runs query by query and says
 //! whether posteriors and decisions deserve their trust, and [`report`] prints a run in a terminal
 //! and draws it as one HTML file. [`series`] does all of this for single states over time, [`grid`] for
-//! occupancy grids.
+//! occupancy grids, and [`explore`] for ways to explore.
 
 pub mod data;
+pub mod explore;
 pub mod grid;
 pub mod judge;
 pub(crate) mod progress;

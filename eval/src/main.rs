@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, ensure};
 use chronotope::Time;
+use chronotope_eval::explore;
 use chronotope_eval::grid;
 use chronotope_eval::judge::pooled::{POOLED_SUITES, compare_pooled};
 use chronotope_eval::judge::{compare, exact};
@@ -287,7 +288,7 @@ fn main_of(args: Args) -> Result<ExitCode> {
         Command::List => {
             for suite in Suite::builtin() {
                 let suite = suite?;
-                println!("{:<16} {}", suite.name, suite.title);
+                println!("{:<20} {}", suite.name, suite.title);
             }
         }
         Command::Run(args) => run_command(args)?,
@@ -408,6 +409,15 @@ fn run_suite(suite: &Suite, options: &RunOptions, n: Option<u32>, replays: &Repl
         results.write(&json)?;
         let report = options.out.join("report.html");
         report::write_grid(&results, &report)?;
+        eprintln!("wrote {} and {}", json.display(), report.display());
+        return Ok(());
+    }
+    if let Some(results) = explore::run(suite, options)? {
+        println!("{}", explore::table(&results));
+        let json = options.out.join(format!("{}.json", results.suite));
+        results.write(&json)?;
+        let report = options.out.join("report.html");
+        report::write_explore(&results, &report)?;
         eprintln!("wrote {} and {}", json.display(), report.display());
         return Ok(());
     }

@@ -8,8 +8,8 @@ use fremen::online::OnlineConfig;
 use fremen::time::{TimeUnit, Zone};
 use fremen::{Error, ErrorKind, Period, Time};
 use fremen_explore::{
-    Charger, ExploreConfig, Explored, Opening, Roads, Share, Slots, Stop, Strategy, TourConfig,
-    plan, plan_tour, prospects, simulate,
+    Charger, ExploreConfig, Explored, MadeVisits, Opening, Plan, Roads, Share, Slots, Stop,
+    Strategy, TourConfig, plan, plan_rest, plan_tour, prospects, simulate,
 };
 use serde_json::json;
 
@@ -159,16 +159,26 @@ impl FormArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Plans from now on and shows the first visit. Call it again after each look, with what was seen added
-to DATA: what was seen changes where to look next.
+to DATA: what was seen changes where to look next. With --day-from the slots of a day are counted from
+there: every slot of it in which DATA has a look is a visit that was made, and is taken off --share.
+Visits that DATA does not have are named by --visited. Nothing is printed once the share is spent.
 
-Example:
-  chronotope explore next kitchen.csv office.csv --now 2024-05-02T08:30:00Z --json")]
+Examples:
+  chronotope explore next kitchen.csv office.csv --now 2024-05-02T08:30:00Z --json
+  chronotope explore next kitchen.csv office.csv --now 2024-05-02T08:30:00Z \\
+      --day-from 2024-05-02T00:00:00Z --visited garage=2024-05-02T07:10:00Z")]
 pub(super) struct NextArgs {
     #[command(flatten)]
     common: Common,
     /// The time; that of the system's clock otherwise.
     #[arg(long)]
     now: Option<Time>,
+    /// When the day began whose share of time is spent; now otherwise.
+    #[arg(long, value_name = "TIME")]
+    day_from: Option<Time>,
+    /// A visit since then that DATA does not have, to any place (may be given again).
+    #[arg(long, value_name = "PLACE=TIME", requires = "day_from")]
+    visited: Vec<String>,
     #[command(flatten)]
     form: FormArgs,
 }
@@ -236,8 +246,8 @@ impl Common {
             .with_seed(self.seed))
     }
 
-    fn known(&self, before: Time) -> Result<Known> {
-        let known = known(&self.data, &self.reading(), before)?;
+    fn known(&self, since: Time, before: Time) -> Result<Known> {
+        let known = known(&self.data, &self.reading(), since, before)?;
         if known.num_later > 0 {
             note!(
                 "note: {} looks from {before} on are left out: a plan knows the past only",
@@ -260,17 +270,16 @@ pub(super) fn run(command: &ExploreCommand, out: &mut Output) -> Result<Outcome>
 fn run_plan(args: &PlanArgs, out: &mut Output) -> Result<Outcome> {
     let slots = args.common.slots(args.from)?;
     let cfg = args.common.cfg(&slots)?;
-    let known = args.common.known(args.from)?;
+    let known = args.common.known(args.from, args.from)?;
     let visits = match &args.driving.roads {
-        None => planned(&known, slots, &cfg)?,
+        None => planned(&known, &plan(&known, slots, &cfg)?),
         Some(roads) => driven(args, roads, &known, &slots)?,
     };
     show(&visits, args.form.form(), args.from, out)?;
     Ok(Outcome::Good)
 }
 
-fn planned(known: &Known, slots: Slots, cfg: &ExploreConfig) -> Result<Vec<PlannedVisit>> {
-    let plan = plan(known, slots, cfg)?;
+fn planned(known: &Known, plan: &Plan) -> Vec<PlannedVisit> {
     let visits = plan.visits().map(|visit| PlannedVisit {
         start: visit.start,
         end: visit.end,
@@ -278,7 +287,7 @@ fn planned(known: &Known, slots: Slots, cfg: &ExploreConfig) -> Result<Vec<Plann
         info_bits: visit.info_bits,
         reason: visit.reason.to_string(),
     });
-    Ok(visits.collect())
+    visits.collect()
 }
 
 /// The visits of a tour, and when it is charged.
@@ -366,13 +375,64 @@ fn opening(text: &str) -> fremen::Result<(&str, Opening)> {
 
 fn run_next(args: &NextArgs, out: &mut Output) -> Result<Outcome> {
     let now = args.now.unwrap_or_else(Time::now);
-    let slots = args.common.slots(now)?;
+    let day_from = args.day_from.unwrap_or(now);
+    if day_from > now {
+        return Err(Error::new(
+            ErrorKind::Config,
+            format!("a day that begins at {day_from} is not under way at {now}"),
+        )
+        .with_help("give --day-from a time before --now")
+        .into());
+    }
+    let slots = args.common.slots(day_from)?;
     let cfg = args.common.cfg(&slots)?;
-    let known = args.common.known(now)?;
-    let mut visits = planned(&known, slots, &cfg)?;
+    let known = args.common.known(day_from, now)?;
+    let made = made(args, &known, &slots, now)?;
+    // The slot under way belongs to what is done already, unless it begins now.
+    let passed = |slot: &usize| slots.begin(*slot) < now;
+    let from = (0..slots.len()).take_while(passed).count();
+    let plan = plan_rest(&known, slots, &cfg, from, &made)?;
+    let mut visits = planned(&known, &plan);
     visits.truncate(1);
     show(&visits, args.form.form(), now, out)?;
     Ok(Outcome::Good)
+}
+
+/// The visits of the day: those that the data has, and those that it is told.
+fn made(args: &NextArgs, known: &Known, slots: &Slots, now: Time) -> fremen::Result<MadeVisits> {
+    let mut made = MadeVisits::default();
+    let looks = known.lately.iter();
+    made.at
+        .extend(looks.filter_map(|&(time, place)| Some((slots.slot_of(time)?, place))));
+    for text in &args.visited {
+        let parts = text.rsplit_once('=');
+        let Some((name, time)) =
+            parts.and_then(|(name, time)| Some((name, Time::parse(time).ok()?)))
+        else {
+            return Err(Error::new(
+                ErrorKind::Config,
+                format!("`{text}` does not say which place was visited when"),
+            )
+            .with_help("write PLACE=TIME with a time in RFC 3339"));
+        };
+        let Some(slot) = slots.slot_of(time).filter(|_| time < now) else {
+            return Err(Error::new(
+                ErrorKind::Config,
+                format!(
+                    "a visit at {time} is not between {} and {now}",
+                    slots.start()
+                ),
+            )
+            .with_help("visits that were made are from --day-from to --now"));
+        };
+        match (0..known.num_places()).find(|&place| known.name(place) == name) {
+            Some(place) => made.at.push((slot, place)),
+            None => made.elsewhere += 1,
+        }
+    }
+    made.at.sort_unstable();
+    made.at.dedup();
+    Ok(made)
 }
 
 fn run_simulate(args: &SimulateArgs, out: &mut Output) -> Result<Outcome> {
@@ -456,7 +516,7 @@ fn run_explain(args: &ExplainArgs, out: &mut Output) -> Result<Outcome> {
         )
     })?;
     let slots = Slots::new(args.at, length, args.common.slots)?;
-    let known = args.common.known(args.at)?;
+    let known = args.common.known(args.at, args.at)?;
     let prospects = prospects(&known, &slots, 0)?;
     if !args.json {
         out.line(format_args!(

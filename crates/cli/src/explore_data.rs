@@ -22,6 +22,8 @@ pub(super) struct Known {
     zone: Option<Zone>,
     /// Looks that were left out because they are not before that moment.
     pub(super) num_later: usize,
+    /// The times and places of those since a moment that the caller asked for.
+    pub(super) lately: Vec<(Time, usize)>,
 }
 
 impl Explored for Known {
@@ -53,6 +55,10 @@ impl Explored for Known {
         self.explored.kept(place, age_s)
     }
 
+    fn kept_squared(&self, place: usize, age_s: f64) -> f64 {
+        self.explored.kept_squared(place, age_s)
+    }
+
     fn last_look(&self, place: usize) -> Option<Time> {
         self.explored.last_look(place)
     }
@@ -71,19 +77,29 @@ pub(super) struct Reading<'a> {
     pub(super) model: &'a OnlineConfig,
 }
 
-/// A map, or series of which each is a place, as they were known before `before`.
-pub(super) fn known(files: &[PathBuf], reading: &Reading<'_>, before: Time) -> Result<Known> {
+/// A map, or series of which each is a place, as they were known before `before`; with the looks from
+/// `since` on, which is `before` where nobody wants to know.
+pub(super) fn known(
+    files: &[PathBuf],
+    reading: &Reading<'_>,
+    since: Time,
+    before: Time,
+) -> Result<Known> {
     if let [file] = files
         && is_map(file)?
     {
         let map = Map::open_read_only(file)?;
-        return of_map(&map.snapshot(), before).map_err(|error| error.with_path(file).into());
+        return of_map(&map.snapshot(), since, before)
+            .map_err(|error| error.with_path(file).into());
     }
     let series = read_series(files, reading)?;
     let mut looks: Vec<(Time, usize, bool)> = Vec::new();
-    let mut num_later = 0;
+    let (mut num_later, mut lately) = (0, Vec::new());
     for (place, (_, series)) in series.iter().enumerate() {
         for &(time, state) in series.states() {
+            if (since..before).contains(&time) {
+                lately.push((time, place));
+            }
             if time < before {
                 looks.push((reading.wall(time), place, state));
             } else {
@@ -109,6 +125,7 @@ pub(super) fn known(files: &[PathBuf], reading: &Reading<'_>, before: Time) -> R
         explored: Box::new(beliefs),
         zone: reading.zone.cloned(),
         num_later,
+        lately,
     })
 }
 
@@ -130,17 +147,20 @@ fn is_map(path: &Path) -> fremen::Result<bool> {
 }
 
 /// The features of each place of a map, by their natural rhythms and the clocks of the map's zone.
-fn of_map(snapshot: &Snapshot, before: Time) -> fremen::Result<Known> {
+fn of_map(snapshot: &Snapshot, since: Time, before: Time) -> fremen::Result<Known> {
     let zone = snapshot.meta.civil_zone()?;
     let wall = |time: Time| zone.as_ref().map_or(time, |zone| zone.wall(time));
     let mut fitted = Fitted::new();
-    let mut num_later = 0;
-    for node in &snapshot.nodes {
+    let (mut num_later, mut lately) = (0, Vec::new());
+    for (place, node) in snapshot.nodes.iter().enumerate() {
         let mut log = HistoryLog::new();
         for (visit, &time) in node.log.times().iter().enumerate() {
             if time >= before {
                 num_later += 1;
                 continue;
+            }
+            if time >= since {
+                lately.push((time, place));
             }
             let hidden = node.log.hidden_row(visit).cloned();
             log.push_visit(wall(time), node.log.seen_row(visit).clone(), hidden)?;
@@ -153,6 +173,7 @@ fn of_map(snapshot: &Snapshot, before: Time) -> fremen::Result<Known> {
         explored: Box::new(fitted),
         zone,
         num_later,
+        lately,
     })
 }
 

@@ -91,6 +91,10 @@ impl Explored for Beliefs {
         self.models[place].kept(age_s)
     }
 
+    fn kept_squared(&self, place: usize, age_s: f64) -> f64 {
+        self.models[place].kept_squared(age_s)
+    }
+
     fn last_look(&self, place: usize) -> Option<Time> {
         self.models[place].last_look()
     }

@@ -36,6 +36,12 @@ pub trait Explored: Sync {
         0.0
     }
 
+    /// The expectation of the square of that share: more than the square of [`kept`](Self::kept) where
+    /// it is not known well.
+    fn kept_squared(&self, place: usize, age_s: f64) -> f64 {
+        self.kept(place, age_s).powi(2)
+    }
+
     /// When the place was looked at last.
     fn last_look(&self, place: usize) -> Option<Time> {
         let _ = place;

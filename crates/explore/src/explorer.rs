@@ -1,7 +1,7 @@
 //! Where now? The loop of a robot that explores, day after day.
 
 use fremen::online::OnlineConfig;
-use fremen::{Period, Result, Time};
+use fremen::{Error, ErrorKind, Period, Result, Time};
 
 use crate::beliefs::Beliefs;
 use crate::explored::Explored;
@@ -205,6 +205,81 @@ pub fn plan(explored: &dyn Explored, slots: Slots, cfg: &ExploreConfig) -> Resul
     Ok(make(explored, slots, cfg, &mut 0, &mut random)?.plan)
 }
 
+/// Visits of a stretch of time that were made already.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct MadeVisits {
+    /// Slots and places; several places of one slot count as one visit.
+    pub at: Vec<(usize, usize)>,
+    /// Visits to places that are not explored.
+    pub elsewhere: usize,
+}
+
+impl MadeVisits {
+    /// Slots that were spent.
+    fn num_slots(&self) -> usize {
+        let mut slots: Vec<usize> = self.at.iter().map(|&(slot, _)| slot).collect();
+        slots.sort_unstable();
+        slots.dedup();
+        slots.len() + self.elsewhere
+    }
+}
+
+/// Plans what is left of `slots` from slot `from` on, after `made`: these are taken off the share of
+/// time, and looks at about the same hour count less ([`Strategy::Information`]).
+///
+/// Fails as [`plan`] does, and for visits that are not in slots before `from` or at no such place.
+pub fn plan_rest(
+    explored: &dyn Explored,
+    slots: Slots,
+    cfg: &ExploreConfig,
+    from: usize,
+    made: &MadeVisits,
+) -> Result<Plan> {
+    let num_places = explored.num_places();
+    if let Some((slot, place)) = (made.at.iter())
+        .find(|&&(slot, place)| slot >= from.min(slots.len()) || place >= num_places)
+    {
+        return Err(Error::new(
+            ErrorKind::NotFound,
+            format!(
+                "no visit to place {place} of {num_places} in slot {slot} was made before slot {from}"
+            ),
+        ));
+    }
+    let mut plan = Plan::empty(slots);
+    let budget = cfg.share.budget(&slots).saturating_sub(made.num_slots());
+    if from >= slots.len() {
+        return Ok(plan);
+    }
+    let mut random = Random::new(cfg.seed);
+    let nudge_seed = random.next_u64();
+    if cfg.strategy == Strategy::Information {
+        let mut outlook = Outlook::new(explored, &slots)?;
+        let mut at = made.at.clone();
+        at.sort_unstable();
+        for (slot, place) in at {
+            outlook.made(place, slot);
+        }
+        choose(&mut plan, &outlook, explored, budget, nudge_seed, from);
+        return Ok(plan);
+    }
+    let rest = Slots::new(slots.begin(from), slots.length(), slots.len() - from)?;
+    let worth = Worth::new(explored, &rest)?;
+    let last = made.at.iter().max().map(|&(_, place)| place + 1);
+    let mut turn = last.unwrap_or_default();
+    let budget = budget.min(rest.len());
+    let of_rest = by_worth(cfg, rest, budget, &worth, &mut turn, &mut random);
+    for visit in of_rest.visits() {
+        plan.set(
+            from + visit.slot,
+            visit.place,
+            visit.info_bits,
+            visit.reason,
+        );
+    }
+    Ok(plan)
+}
+
 /// A plan with what is needed to go on from it.
 struct Made {
     plan: Plan,
@@ -223,7 +298,7 @@ fn make(
     if cfg.strategy != Strategy::Information {
         let worth = Worth::new(explored, &slots)?;
         return Ok(Made {
-            plan: by_worth(cfg, slots, &worth, turn, random),
+            plan: by_worth(cfg, slots, cfg.share.budget(&slots), &worth, turn, random),
             outlook: None,
             nudge_seed,
         });
@@ -243,11 +318,11 @@ fn make(
 fn by_worth(
     cfg: &ExploreConfig,
     slots: Slots,
+    budget: usize,
     worth: &Worth,
     turn: &mut usize,
     draw: &mut Random,
 ) -> Plan {
-    let budget = cfg.share.budget(&slots);
     match cfg.strategy {
         Strategy::Greedy => greedy(slots, budget, worth, draw),
         Strategy::RoundRobin => round_robin(slots, budget, worth, turn),

@@ -32,7 +32,7 @@ pub enum Reason {
         state_bits: f64,
         /// For so many slots what is seen stays true.
         slots: f64,
-        /// What it tells of the model, in bits.
+        /// What it tells of the model, in bits of a state that is known for one slot.
         model_bits: f64,
     },
 }

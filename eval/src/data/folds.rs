@@ -96,7 +96,9 @@ pub fn folds(
         Protocol::Synthetic { .. } | Protocol::MultiDataset { .. } => {
             bail!("worlds and parts bring their own folds")
         }
-        Protocol::Series { .. } => bail!("a series is no dataset of images"),
+        Protocol::Series { .. } | Protocol::Explore { .. } => {
+            bail!("a series is no dataset of images")
+        }
         Protocol::Grid { .. } => bail!("a grid is no dataset of images"),
     };
     let words = in_words(protocol, &folds);

@@ -10,6 +10,7 @@
 mod axis;
 mod content;
 mod curves;
+mod explore;
 mod facts;
 mod grid;
 mod headline;
@@ -34,6 +35,7 @@ pub use content::{
     FeatureClass, FeaturePicture, GalleryImage, Mistake, ObservedState, PicturedFeature, Pictures,
     ProbabilityCurve, Raster, RasterRow, TimeAxis,
 };
+pub use explore::{render_explore, write_explore};
 pub use grid::{render_grid, write_grid};
 use headline::Headline;
 use page::document;

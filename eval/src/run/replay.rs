@@ -79,7 +79,10 @@ pub fn replay(
 pub fn check(suite: &Suite) -> Result<()> {
     if matches!(
         suite.protocol,
-        Protocol::Series { .. } | Protocol::Grid { .. } | Protocol::MultiDataset { .. }
+        Protocol::Series { .. }
+            | Protocol::Explore { .. }
+            | Protocol::Grid { .. }
+            | Protocol::MultiDataset { .. }
     ) {
         bail!(
             "suite `{}` localises no images of its own, so there is nothing to trace (help: trace one \

@@ -15,7 +15,7 @@ use serde::Deserialize;
 
 use crate::results::Tolerance;
 pub use arm::{Arm, Model, Ranking, Run, shipped};
-pub use protocol::{Form, GridExperiment, Protocol};
+pub use protocol::{Form, GridExperiment, Protocol, World};
 
 /// The numbers of features a place that every suite runs unless it says otherwise.
 const SIZES: [usize; 13] = [5, 10, 15, 20, 25, 30, 40, 50, 75, 100, 150, 200, 300];
@@ -63,6 +63,18 @@ const BUILTIN: &[(&str, &str)] = &[
     ("synthetic", include_str!("../../suites/synthetic.toml")),
     ("foreign", include_str!("../../suites/foreign.toml")),
     ("ablation", include_str!("../../suites/ablation.toml")),
+    (
+        "explore-aruba",
+        include_str!("../../suites/explore-aruba.toml"),
+    ),
+    (
+        "explore-witham",
+        include_str!("../../suites/explore-witham.toml"),
+    ),
+    (
+        "explore-aruba-travel",
+        include_str!("../../suites/explore-aruba-travel.toml"),
+    ),
 ];
 
 /// What is run on somebody's own images: the default beside all baselines.
@@ -187,6 +199,7 @@ impl Suite {
         let has_no_places = matches!(
             self.protocol,
             Protocol::Series { .. }
+                | Protocol::Explore { .. }
                 | Protocol::Grid { .. }
                 | Protocol::Synthetic { .. }
                 | Protocol::MultiDataset { .. }
@@ -219,7 +232,7 @@ impl Suite {
         name.clone_into(&mut suite.name);
         let has_no_images = matches!(
             suite.protocol,
-            Protocol::Series { .. } | Protocol::Grid { .. }
+            Protocol::Series { .. } | Protocol::Explore { .. } | Protocol::Grid { .. }
         );
         if suite.arms.is_empty() && !has_no_images {
             suite.arms = own_arms()?;

@@ -70,6 +70,14 @@ pub enum Protocol {
         #[serde(default = "one")]
         num_seeds: u64,
     },
+    /// Where to look next; see [`explore`](crate::explore).
+    #[serde(rename_all = "kebab-case")]
+    Explore {
+        /// What is explored.
+        world: World,
+        /// Seeds `0..num-seeds`.
+        num_seeds: u64,
+    },
     /// Worlds of these seeds, each with and without rhythms.
     #[serde(rename_all = "kebab-case")]
     Synthetic {
@@ -132,6 +140,18 @@ pub enum GridExperiment {
     Presence,
     /// Recorded laser scans with corrected poses.
     Carmen,
+}
+
+/// The world of a suite of exploration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum World {
+    /// One person in ten rooms.
+    Aruba,
+    /// People in eight areas of an office.
+    Witham,
+    /// The ten rooms, and driving takes time.
+    ArubaTravel,
 }
 
 /// The files of a suite of series.

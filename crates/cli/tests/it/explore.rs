@@ -129,6 +129,70 @@ fn the_next_visit_is_the_first_of_a_plan_from_now_on() {
     assert!(first.since_s(Time::parse("2024-05-09T06:00:00Z").expect("valid")) >= 0.0);
 }
 
+/// `kitchen.csv` and `office.csv` without what was seen from the ninth day on, and looks of that day.
+fn looks_of_the_ninth_day(dir: &Path, kitchen: &[&str]) {
+    let mut text = std::fs::read_to_string(dir.join("kitchen.csv")).expect("readable");
+    for time in kitchen {
+        writeln!(text, "2024-05-09T{time}Z,0").expect("memory");
+    }
+    std::fs::write(dir.join("kitchen.csv"), text).expect("writable");
+}
+
+#[test]
+fn visits_of_the_day_are_taken_off_its_share() {
+    let dir = tempfile::tempdir().expect("a folder");
+    rooms(dir.path());
+    // Three slots, two looks in the first of them.
+    looks_of_the_ninth_day(
+        dir.path(),
+        &["00:00:00", "00:05:00", "01:00:00", "02:00:00"],
+    );
+    let next = |more: &[&str]| {
+        let args = [
+            "next",
+            "kitchen.csv",
+            "office.csv",
+            "--now",
+            "2024-05-09T06:03:00Z",
+            "--day-from",
+            "2024-05-09T00:00:00Z",
+            "--json",
+            "--share",
+        ];
+        lines(&explore(dir.path(), &[&args[..], more].concat()))
+    };
+    // Four visits a day are 4 / 144 of it.
+    let visits = next(&["0.028"]);
+    assert_eq!(visits.len(), 1);
+    let first = Time::parse(visits[0]["start"].as_str().expect("text")).expect("a time");
+    assert!(first.since_s(Time::parse("2024-05-09T06:10:00Z").expect("valid")) >= 0.0);
+    assert_eq!(next(&["0.021"]).len(), 0, "three are made already");
+    let garage = ["0.028", "--visited", "garage=2024-05-09T05:00:00Z"];
+    assert_eq!(next(&garage).len(), 0, "a visit elsewhere is one, too");
+    let again = ["0.028", "--visited", "kitchen=2024-05-09T01:00:00Z"];
+    assert_eq!(next(&again).len(), 1, "this one is in the file");
+    for (more, says) in [
+        (["--visited", "garage"], "PLACE=TIME"),
+        (
+            ["--visited", "garage=2024-05-09T07:00:00Z"],
+            "is not between",
+        ),
+        (
+            ["--visited", "garage=2024-05-08T23:00:00Z"],
+            "is not between",
+        ),
+    ] {
+        let args = ["next", "kitchen.csv", "--now", "2024-05-09T06:03:00Z"];
+        let day = ["--day-from", "2024-05-09T00:00:00Z"];
+        let output = explore(dir.path(), &[&args[..], &day, &more].concat());
+        assert_eq!(output.status.code(), Some(2), "{more:?}");
+        assert!(
+            String::from_utf8_lossy(&output.stderr).contains(says),
+            "{more:?}"
+        );
+    }
+}
+
 #[test]
 fn a_plan_knows_the_past_only() {
     let dir = tempfile::tempdir().expect("a folder");

@@ -2,7 +2,10 @@
 
 use fremen::online::OnlineConfig;
 use fremen::{Period, Time};
-use fremen_explore::{ExploreConfig, Explored, Explorer, Share, Strategy, Visit, simulate};
+use fremen_explore::{
+    Beliefs, ExploreConfig, Explored, Explorer, MadeVisits, Share, Slots, Strategy, Visit,
+    next_look_bits, plan, plan_rest, simulate,
+};
 use proptest::prelude::*;
 
 use crate::worlds::rhythms_and_coins;
@@ -88,4 +91,92 @@ fn one_place_is_all_that_is_visited() {
         let outcome = simulate(&recording, &OnlineConfig::default(), &cfg, 144).unwrap();
         assert_eq!(outcome.visits.len(), 3 * 72, "{strategy}");
     }
+}
+
+/// Three places that were looked at every hour for a week, the last look in the morning of the eighth
+/// day's slot 60.
+fn a_week() -> (Beliefs, Slots) {
+    let mut beliefs = Beliefs::new([("a", 1), ("b", 1), ("c", 1)], &OnlineConfig::default());
+    for hour in 0..7 * 24 {
+        for place in 0..3 {
+            let state = (8..16).contains(&((hour + 3 * place) % 24));
+            let time = Time::from_s(hour as i64 * 3_600);
+            beliefs.observe(place, time, &[state]).unwrap();
+        }
+        if hour % 24 == 23 {
+            beliefs.learn().unwrap();
+        }
+    }
+    let start = Time::from_s(7 * 86_400);
+    (beliefs, Slots::of_s(start, 600.0, 144).unwrap())
+}
+
+#[test]
+fn visits_that_were_made_are_taken_off_the_share_of_what_is_left() {
+    let (beliefs, slots) = a_week();
+    for strategy in Strategy::ALL {
+        let cfg = ExploreConfig::new(strategy).unwrap();
+        let rest = |made: &MadeVisits| plan_rest(&beliefs, slots, &cfg, 60, made).unwrap();
+        let nothing = rest(&MadeVisits::default());
+        assert_eq!(nothing.num_visits(), 72, "{strategy}");
+        // Two places in slot 4 are one visit.
+        let made = MadeVisits {
+            at: vec![(4, 0), (4, 1), (9, 2)],
+            elsewhere: 30,
+        };
+        let after = rest(&made);
+        assert_eq!(after.num_visits(), 72 - 32, "{strategy}");
+        assert!(after.visits().all(|visit| visit.slot >= 60), "{strategy}");
+        let all = MadeVisits {
+            at: vec![(4, 0)],
+            elsewhere: 100,
+        };
+        assert_eq!(rest(&all).num_visits(), 0, "{strategy}");
+        // From the first slot on it is the plan of all of it.
+        let whole = plan_rest(&beliefs, slots, &cfg, 0, &MadeVisits::default()).unwrap();
+        assert_eq!(whole, plan(&beliefs, slots, &cfg).unwrap(), "{strategy}");
+        let over = plan_rest(&beliefs, slots, &cfg, 144, &MadeVisits::default()).unwrap();
+        assert_eq!(over.num_visits(), 0, "{strategy}");
+        for at in [(60, 0), (4, 3)] {
+            let made = MadeVisits {
+                at: vec![at],
+                elsewhere: 0,
+            };
+            let error = plan_rest(&beliefs, slots, &cfg, 60, &made).unwrap_err();
+            assert_eq!(error.kind(), fremen::ErrorKind::NotFound, "{at:?}");
+        }
+    }
+}
+
+#[test]
+fn a_place_that_was_looked_at_this_hour_is_worth_less_and_round_robin_goes_on() {
+    let (beliefs, slots) = a_week();
+    let cfg = ExploreConfig::new(Strategy::Information).unwrap();
+    let bits = |at: Vec<(usize, usize)>| {
+        let made = MadeVisits { at, elsewhere: 0 };
+        let plan = plan_rest(&beliefs, slots, &cfg, 60, &made).unwrap();
+        let near = plan
+            .visits()
+            .filter(|visit| visit.place == 0 && visit.slot < 66);
+        near.map(|visit| visit.info_bits).fold(0.0, f64::max)
+    };
+    assert!(bits(vec![(55, 0), (57, 0), (59, 0)]) < bits(Vec::new()));
+    let cfg = ExploreConfig::new(Strategy::RoundRobin).unwrap();
+    let made = MadeVisits {
+        at: vec![(3, 2), (9, 0)],
+        elsewhere: 0,
+    };
+    let plan = plan_rest(&beliefs, slots, &cfg, 60, &made).unwrap();
+    assert_eq!(plan.visits().next().unwrap().place, 1);
+}
+
+#[test]
+fn each_further_look_of_a_day_is_expected_to_add_less() {
+    let (beliefs, slots) = a_week();
+    let bits = next_look_bits(&beliefs, &slots).unwrap();
+    assert_eq!(bits.len(), 144);
+    assert!(bits.iter().all(|bits| bits.is_finite() && *bits >= 0.0));
+    // The best look comes first; a look between two others may teach more of how long states stay.
+    assert!(bits[0] >= bits.iter().copied().fold(0.0, f64::max) - 1e-9);
+    assert!(bits[143] < 0.5 * bits[0], "{} {}", bits[143], bits[0]);
 }

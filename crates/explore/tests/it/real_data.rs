@@ -49,13 +49,16 @@ fn real_data_of_rooms_give_the_numbers_of_the_paper_and_better_ones() {
     assert!(fremen <= 6.1, "{fremen}");
     let random = percent(&recording, Strategy::Random, "fremen", 5);
     assert!(random <= 6.8, "{random}");
-    // Published best: 5.7.
-    let default = percent(
-        &recording,
-        Strategy::default(),
-        &OnlineConfig::default().to_string(),
-        3,
-    );
-    println!("{long_term:.2} {round_robin:.2} {fremen:.2} {random:.2} {default:.2}");
-    assert!(default <= 4.6, "{default}");
+    // Published best: 5.7. With the last two seeds a room looked like a coin on the first day, and was
+    // once given up for it (10.4 and 5.4).
+    let cfg = |seed| {
+        ExploreConfig::new(Strategy::default())
+            .unwrap()
+            .with_seed(seed)
+    };
+    let model = OnlineConfig::default();
+    let default = [0, 18, 19]
+        .map(|seed| 100.0 * simulate(&recording, &model, &cfg(seed), 144).unwrap().error);
+    println!("{long_term:.2} {round_robin:.2} {fremen:.2} {random:.2} {default:.2?}");
+    assert!(default.iter().all(|&error| error <= 4.6), "{default:?}");
 }

@@ -14,9 +14,9 @@ use crate::time::{Period, Time};
 /// Parts of the cycle that are compared.
 const HOURS: usize = 24;
 
-/// Hours differ if their variance is so many times what chance makes: two standard deviations of it
-/// above its mean, for 24 hours.
-const BEYOND_CHANCE: f64 = 1.6;
+/// As many stays at any hour may say as much of an hour as one stay at that hour: from hours that have
+/// nothing in common to hours that are the same.
+const ALIKE: [f64; 8] = [0.5, 1.0, 2.0, 4.0, 8.0, 32.0, 128.0, 512.0];
 
 /// How a [`Histogram`] sees the looks.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,15 +96,14 @@ impl Histogram {
         }
     }
 
-    /// How many stays at any hour say as much of an hour as a stay at that hour: as many as the
-    /// hours are alike.
+    /// How probable each of [`ALIKE`] is: the share of a state at an hour comes from a beta
+    /// distribution round its mean that counts so many stays, and any of them is as probable before
+    /// the first look. All states of the place together.
     ///
-    /// The variance of a state's share between hours, beyond what chance makes of so many stays, is
-    /// that of its profile; a beta distribution of that variance counts `mu (1 - mu) / variance - 1`
-    /// stays. All states of the place together. Where hours do not differ (a coin, a wall) all
-    /// stays speak for each of them, so that nothing is left to be learnt there. p itself is not
-    /// drawn to the mean so far: that made it worse.
-    fn alike(&self, stays_per_look: f64) -> f64 {
+    /// A few looks say nothing of it, so that hours that nobody has seen are unknown although the
+    /// others were all the same; many looks at a coin say that all of its hours are alike, so that
+    /// nothing is left to be learnt. p itself is not drawn to the mean so far: that made it worse.
+    fn alike(&self, stays_per_look: f64) -> [f64; ALIKE.len()] {
         let num_bins = self.observed.len();
         let num_hours = num_bins.min(HOURS);
         let hour = |bin: usize| bin * num_hours / num_bins;
@@ -113,27 +112,30 @@ impl Histogram {
             observed[hour(bin)] += count * stays_per_look;
         }
         let total: f64 = observed.iter().sum();
-        let (mut noise, mut between) = (0.0, 0.0);
+        let mut log = [0.0; ALIKE.len()];
+        let mut seen = vec![0.0; num_hours];
         for row in self.seen.chunks_exact(num_bins) {
-            let mean = row.iter().sum::<f64>() * stays_per_look / total;
-            let mut seen = vec![0.0; num_hours];
+            seen.fill(0.0);
             for (bin, count) in row.iter().enumerate() {
                 seen[hour(bin)] += count * stays_per_look;
             }
-            noise += mean * (1.0 - mean);
-            for (&seen, &observed) in seen.iter().zip(&observed) {
-                if observed > 0.0 {
-                    between += observed / total * (seen / observed - mean).powi(2);
+            let mean = (seen.iter().sum::<f64>() + 0.5) / (total + 1.0);
+            for (log, &stays) in log.iter_mut().zip(&ALIKE) {
+                let ones = stays * mean;
+                for (&observed, &seen) in observed.iter().zip(&seen) {
+                    let unseen = (observed - seen).max(0.0);
+                    *log += ln_rising(ones, seen) + ln_rising(stays - ones, unseen)
+                        - ln_rising(stays, observed);
                 }
             }
         }
-        let visited = observed.iter().filter(|count| **count > 0.0).count() as f64;
-        let variance = between - BEYOND_CHANCE * noise * (visited - 1.0).max(0.0) / total;
-        let least = self.smoothing.prior;
-        if variance <= 0.0 {
-            return total.max(least);
+        let most = log.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let mut weights = log.map(|log| (log - most).exp());
+        let sum: f64 = weights.iter().sum();
+        for weight in &mut weights {
+            *weight /= sum;
         }
-        (noise / variance - 1.0).clamp(least, total.max(least))
+        weights
     }
 
     /// Weights of the bins 0, 1, ... away, each way round.
@@ -178,6 +180,26 @@ fn smooth(values: &[f64], kernel: &[f64], out: &mut [f64]) {
     }
 }
 
+/// `ln(gamma(x + count) / gamma(x))`, x above 0.
+fn ln_rising(x: f64, count: f64) -> f64 {
+    if count > 0.0 {
+        ln_gamma(x + count) - ln_gamma(x)
+    } else {
+        0.0
+    }
+}
+
+/// Stirling's series from 7 on, to nine digits.
+fn ln_gamma(mut x: f64) -> f64 {
+    let mut below = 1.0;
+    while x < 7.0 {
+        below *= x;
+        x += 1.0;
+    }
+    let series = 1.0 / (12.0 * x) - 1.0 / (360.0 * x.powi(3)) + 1.0 / (1_260.0 * x.powi(5));
+    (x - 0.5) * x.ln() - x + 0.5 * std::f64::consts::TAU.ln() + series - below.ln()
+}
+
 impl OnlineModel for Histogram {
     fn num_states(&self) -> usize {
         self.num_states
@@ -219,7 +241,13 @@ impl OnlineModel for Histogram {
             }
         }
         for near in &mut near {
-            *near = *near * stays_per_look + alike.min(total);
+            let stays = *near * stays_per_look;
+            // So many stays have the variance of p that is expected.
+            let each = alike.iter().zip(&ALIKE);
+            let variance: f64 = each
+                .map(|(weight, alike)| weight / (alike.min(total) + stays + 1.0))
+                .sum();
+            *near = 1.0 / variance - 1.0;
         }
         self.near = near;
         Ok(())
@@ -239,5 +267,43 @@ impl OnlineModel for Histogram {
 
     fn last_look(&self) -> Option<Time> {
         self.count.last
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A look at noon of so many days, and at every hour of so many others.
+    fn looks_at_midnight(noons: i64, days: i64, state: impl Fn(i64) -> bool) -> f64 {
+        let mut model = Histogram::new(1, Period::DAY, 96, Smoothing::DEFAULT);
+        for day in 0..noons {
+            model.observe(Time::from_s(day * 86_400 + 43_200), &[false]);
+        }
+        for hour in 0..24 * days {
+            model.observe(Time::from_s((noons * 24 + hour) * 3_600), &[state(hour)]);
+        }
+        model.learn().unwrap_or_default();
+        model.looks(Time::from_s(0))
+    }
+
+    #[test]
+    fn hours_that_nobody_has_seen_are_unknown_until_hours_are_known_to_be_alike() {
+        let noons = looks_at_midnight(12, 0, |_| false);
+        assert!(noons < 3.0, "{noons}");
+        // Every third hour, whatever the hour of the day: five days, then one more hour.
+        let alike = looks_at_midnight(0, 15, |hour| hour % 25 % 3 == 0);
+        assert!(alike > 30.0, "{alike}");
+        // By day only: no night says anything of another hour.
+        let differ = looks_at_midnight(0, 15, |hour| (8..20).contains(&(hour % 24)));
+        assert!(differ < 0.6 * alike, "{differ} {alike}");
+    }
+
+    #[test]
+    fn the_logarithm_of_gamma_is_that_of_factorials() {
+        for (x, gamma) in [(1.0, 1.0_f64), (5.0, 24.0), (10.0, 362_880.0)] {
+            assert!((ln_gamma(x) - gamma.ln()).abs() < 1e-8, "{x}");
+        }
+        assert!((ln_gamma(0.5) - std::f64::consts::PI.sqrt().ln()).abs() < 1e-8);
     }
 }

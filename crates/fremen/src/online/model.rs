@@ -47,6 +47,12 @@ pub trait OnlineModel: Debug + Send + Sync {
         0.0
     }
 
+    /// The expectation of the square of that share: more than the square of [`kept`](Self::kept) where
+    /// it is not known well, because what is not known yet may turn out to be much.
+    fn kept_squared(&self, age_s: f64) -> f64 {
+        self.kept(age_s).powi(2)
+    }
+
     /// When the place was looked at last.
     fn last_look(&self) -> Option<Time>;
 }

@@ -11,6 +11,10 @@
 //! what counts is what a stay says of a later one. A coin that is tossed from stay to stay has w = 0
 //! from the first octave on, whatever the time between changes seems to be.
 //!
+//! How well w is known says what a look may be worth that would show it: the expectation of `w^2` is
+//! the square of what was measured and the variance of that, which falls from that of a uniform w as
+//! stays are paired. A place whose first few looks had nothing in common is so not given up.
+//!
 //! `Deviation:` T-RO eq. 12 takes the rate of changes between consecutive looks for all ages alike,
 //! so that looks a minute apart decide what is believed hours later.
 
@@ -25,9 +29,9 @@ use crate::time::Time;
 const FIRST_S: f64 = 45.0;
 const NUM_OCTAVES: usize = 14;
 
-/// What is left after each octave, which never grows: neighbours that say so are one (pool adjacent
-/// violators). Takes what is left and its weight.
-fn pooled(octaves: impl Iterator<Item = (f64, f64)>) -> [f64; NUM_OCTAVES] {
+/// What is left after each octave, which never grows, and its weight: neighbours that say otherwise
+/// are one (pool adjacent violators).
+fn pooled(octaves: impl Iterator<Item = (f64, f64)>) -> [(f64, f64); NUM_OCTAVES] {
     let mut steps: Vec<Step> = Vec::with_capacity(NUM_OCTAVES);
     for (kept, weight) in octaves {
         let mut step = Step {
@@ -40,8 +44,9 @@ fn pooled(octaves: impl Iterator<Item = (f64, f64)>) -> [f64; NUM_OCTAVES] {
         }
         steps.push(step);
     }
-    let each = (steps.iter()).flat_map(|step| std::iter::repeat_n(step.kept, step.octaves));
-    let mut pooled = [0.0; NUM_OCTAVES];
+    let each =
+        (steps.iter()).flat_map(|step| std::iter::repeat_n((step.kept, step.weight), step.octaves));
+    let mut pooled = [(0.0, 0.0); NUM_OCTAVES];
     for (pooled, kept) in pooled.iter_mut().zip(each) {
         *pooled = kept;
     }
@@ -64,9 +69,18 @@ fn at_age(kept: &[f64; NUM_OCTAVES], age_s: f64) -> f64 {
 /// Of what is left after one octave, so much is expected to be left after the next.
 const EXPECTED: f64 = 0.75;
 
-/// Squared surprises that what is expected counts as, in looks and in stays.
+/// Squared surprises that what is expected counts as.
 const PRIOR: f64 = 1.0;
-const SURE_PRIOR: f64 = 0.2;
+
+/// The variance of a share of which nothing is known: uniform in [0, 1].
+const UNKNOWN_VARIANCE: f64 = 1.0 / 12.0;
+
+/// Its mean square.
+const UNKNOWN_SQUARED: f64 = 1.0 / 3.0;
+
+/// The largest variance of a state, by which that of the slope is bounded: where only a few of many
+/// looks were a surprise, little is known of what surprises leave behind.
+const STATE_VARIANCE: f64 = 0.25;
 
 /// Of one octave: what pairs of looks say together, and the earlier one alone.
 #[derive(Clone, Copy, Debug, Default)]
@@ -109,8 +123,8 @@ pub(super) struct Persistent {
     sums: [PairSums; NUM_OCTAVES],
     /// `w` at the middle of each octave.
     kept: [f64; NUM_OCTAVES],
-    /// The same as far as it is not chance, without hope for ages of which nothing is known.
-    surely: [f64; NUM_OCTAVES],
+    /// The expectation of its square.
+    kept_squared: [f64; NUM_OCTAVES],
     usual: Vec<f64>,
 }
 
@@ -132,7 +146,7 @@ impl Persistent {
             num_looks: 0.0,
             sums: [PairSums::default(); NUM_OCTAVES],
             kept: [0.0; NUM_OCTAVES],
-            surely: [0.0; NUM_OCTAVES],
+            kept_squared: [UNKNOWN_SQUARED; NUM_OCTAVES],
         }
     }
 
@@ -188,7 +202,7 @@ impl OnlineModel for Persistent {
 
     fn learn(&mut self) -> Result<()> {
         self.of.learn()?;
-        self.kept = pooled(self.sums.iter().scan(1.0_f64, |shorter, sums| {
+        let octaves = pooled(self.sums.iter().scan(1.0_f64, |shorter, sums| {
             // Where little is known, a quarter of what is left is gone after each octave.
             let weight = sums.earlier + PRIOR;
             let kept = (sums.both + PRIOR * EXPECTED * *shorter) / weight;
@@ -197,18 +211,14 @@ impl OnlineModel for Persistent {
         }));
         // Looks of one stay are nearly one.
         let stays_per_look = self.count.num_stays / self.num_looks.max(1.0);
-        let mut surely: Vec<(f64, f64)> = Vec::with_capacity(NUM_OCTAVES);
-        let mut longer = 0.0_f64;
-        for sums in self.sums.iter().rev() {
-            // Where little is known, what is left is what is left at longer ages, and what may be
-            // chance is not memory: half of the standard error of unrelated coins is taken off.
-            let earlier = sums.earlier * stays_per_look;
-            let weight = earlier + SURE_PRIOR;
-            let both = (sums.both * stays_per_look - 0.25 * earlier.sqrt()).max(0.0);
-            longer = ((both + SURE_PRIOR * longer) / weight).clamp(0.0, 1.0);
-            surely.push((longer, weight));
+        let mut shorter = 1.0_f64;
+        for (octave, (kept, weight)) in octaves.into_iter().enumerate() {
+            self.kept[octave] = kept;
+            let known = weight * stays_per_look / STATE_VARIANCE;
+            let variance = 1.0 / (1.0 / UNKNOWN_VARIANCE + known);
+            shorter = shorter.min(kept * kept + variance);
+            self.kept_squared[octave] = shorter;
         }
-        self.surely = pooled(surely.into_iter().rev());
         Ok(())
     }
 
@@ -230,13 +240,59 @@ impl OnlineModel for Persistent {
         self.of.looks(time)
     }
 
-    /// Without hope for ages of which nothing is known: a plan that counts on memory makes the looks
-    /// that would show it.
     fn kept(&self, age_s: f64) -> f64 {
-        at_age(&self.surely, age_s)
+        at_age(&self.kept, age_s)
+    }
+
+    fn kept_squared(&self, age_s: f64) -> f64 {
+        at_age(&self.kept_squared, age_s)
     }
 
     fn last_look(&self) -> Option<Time> {
         self.of.last_look()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::online::long_term::LongTerm;
+
+    /// Looks every hour at a coin.
+    fn coin(num_looks: i64) -> Persistent {
+        let mut model = Persistent::new(Box::new(LongTerm::new(1)));
+        let mut number = 1_u64;
+        for look in 0..num_looks {
+            number = number
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            model.observe(Time::from_s(look * 3_600), &[number >> 63 == 1]);
+            if look % 24 == 23 {
+                model.learn().unwrap_or_default();
+            }
+        }
+        model.learn().unwrap_or_default();
+        model
+    }
+
+    #[test]
+    fn what_is_expected_falls_as_stays_are_paired_and_never_below_what_is_measured() {
+        let hours = |hours: f64| hours * 3_600.0;
+        let nothing = coin(0);
+        assert!(nothing.kept_squared(hours(2.0)) > UNKNOWN_VARIANCE);
+        let [few, many] = [9, 4_000].map(coin);
+        // Nine looks without anything in common: nobody knows.
+        let [few_say, many_say] = [&few, &many].map(|model| model.kept_squared(hours(2.0)));
+        assert!(few_say > 0.008, "{few_say}");
+        assert!(many_say < 0.2 * few_say, "{many_say}");
+        for model in [&nothing, &few, &many] {
+            let ages = [0.0, 0.1, 0.5, 1.0, 2.0, 8.0, 24.0, 100.0].map(hours);
+            let squared = ages.map(|age_s| model.kept_squared(age_s));
+            assert!(squared.is_sorted_by(|a, b| a >= b), "{squared:?}");
+            for (&age_s, &squared) in ages.iter().zip(&squared).skip(3) {
+                assert!((0.0..=1.0).contains(&squared));
+                assert!(squared + 1e-3 >= model.kept(age_s).powi(2), "{age_s}");
+            }
+        }
     }
 }

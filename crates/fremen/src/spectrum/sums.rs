@@ -27,6 +27,9 @@ const TILE: usize = 16;
 /// p of a state without any observation (RAS 4.1.2: "a completely unknown state").
 pub const P_UNKNOWN: f64 = 0.5;
 
+/// A [`PhasorTable`] may take so many bytes.
+const MAX_TABLE_BYTES: usize = 1 << 34;
+
 /// Rounds a number of at most 2^10 to a multiple of 2^-40.
 #[inline]
 pub(crate) fn to_fixed(value: f64) -> i64 {
@@ -54,7 +57,8 @@ pub struct PhasorTable {
 }
 
 impl PhasorTable {
-    /// Of `candidates` at `times`, of which there are at most [`MAX_OBSERVATIONS`].
+    /// Of `candidates` at `times`, of which there are at most [`MAX_OBSERVATIONS`]; also an error
+    /// where they need more than 16 GiB, or than the system gives.
     pub fn new(
         candidates: &CandidatePeriods,
         times: impl ExactSizeIterator<Item = Time>,
@@ -63,7 +67,16 @@ impl PhasorTable {
         if num_times > MAX_OBSERVATIONS {
             return Err(too_many(num_times));
         }
-        let mut tiles = vec![[0; TILE]; width.div_ceil(TILE) * num_times];
+        // Millions of times and a thousand periods are many gigabytes: nothing to die of, as a process
+        // does where the system promises memory that it does not have.
+        let num_tiles = width.div_ceil(TILE) * num_times;
+        let mut tiles = Vec::new();
+        if num_tiles > MAX_TABLE_BYTES / size_of::<[i64; TILE]>()
+            || tiles.try_reserve_exact(num_tiles).is_err()
+        {
+            return Err(too_large(num_times, candidates.len()));
+        }
+        tiles.resize(num_tiles, [0; TILE]);
         let mut phasors = vec![0.0; width];
         for (i, time) in times.enumerate() {
             candidates.phasors_into(time, &mut phasors);
@@ -192,6 +205,18 @@ fn add(sums: &mut [i64], terms: &[i64]) {
     for (sum, term) in sums.iter_mut().zip(terms) {
         *sum = sum.wrapping_add(*term);
     }
+}
+
+fn too_large(num_times: usize, num_candidates: usize) -> Error {
+    let gigabytes = 16e-9 * num_times as f64 * num_candidates as f64;
+    Error::new(
+        ErrorKind::Shape,
+        format!(
+            "{num_times} observations and {num_candidates} periods need {gigabytes:.1} GB of memory at \
+             once"
+        ),
+    )
+    .with_help("learn with fewer candidate periods, or from a part of the history")
 }
 
 pub(crate) fn too_many(count: usize) -> Error {
@@ -410,6 +435,15 @@ mod tests {
         for value in [0.0, 1.0, -1.0, 0.123_456_789, -0.999_999_999, 3e-13, -3e-13] {
             assert!((from_fixed(to_fixed(value)) - value).abs() <= 0.5 / ONE);
         }
+    }
+
+    #[test]
+    fn a_table_of_more_memory_than_there_is_is_an_error() {
+        let candidates = CandidatePeriods::harmonic(Period::WEEK, 1_000).expect("valid");
+        let times = (0..4_000_000).map(|i| Time::from_s(60 * i64::from(i)));
+        let error = PhasorTable::new(&candidates, times).expect_err("64 GB");
+        assert_eq!(error.kind(), ErrorKind::Shape);
+        assert!(error.to_string().contains("64.0 GB"), "{error}");
     }
 
     #[test]

@@ -124,24 +124,22 @@ fn deviations(evidence: &Evidence<'_>) -> Vec<Vec<f64>> {
 /// Power of each candidate, summed over the voters.
 fn powers(candidates: &CandidatePeriods, deviations: &[Vec<f64>], times: &[Time]) -> Vec<f64> {
     let count = candidates.len();
-    // Row k: cos(w_k t) of every visit; row count + k: sin(w_k t).
-    let mut phasors = vec![vec![0.0; times.len()]; 2 * count];
+    // Of each voter, the cosine and the sine sums of every candidate: what a visit's phasors are added
+    // to as they come, so that memory does not grow with visits times candidates.
+    let mut sums = vec![0.0; deviations.len() * 2 * count];
     let mut at_time = vec![0.0; 2 * count];
     for (visit, &time) in times.iter().enumerate() {
         candidates.phasors_into(time, &mut at_time);
-        for (row, &value) in phasors.iter_mut().zip(&at_time) {
-            row[visit] = value;
+        for (row, sums) in deviations.iter().zip(sums.chunks_exact_mut(2 * count)) {
+            for (sum, &phasor) in sums.iter_mut().zip(&at_time) {
+                *sum += phasor * row[visit];
+            }
         }
     }
-    let along = |row: &[f64], deviations: &[f64]| -> f64 {
-        row.iter().zip(deviations).map(|(a, b)| a * b).sum()
-    };
     (0..count)
         .map(|k| {
-            (deviations.iter())
-                .map(|row| {
-                    along(&phasors[k], row).powi(2) + along(&phasors[count + k], row).powi(2)
-                })
+            (sums.chunks_exact(2 * count))
+                .map(|sums| sums[k].powi(2) + sums[count + k].powi(2))
                 .sum()
         })
         .collect()

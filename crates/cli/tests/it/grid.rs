@@ -347,7 +347,7 @@ fn kill_adding(prepare: impl Fn(&Fixture)) {
             "repeated after call {at}"
         );
     }
-    println!("{num_killed} killed, {num_new} of them after the commit");
+    eprintln!("{num_killed} killed, {num_new} of them after the commit");
     assert!(num_killed > num_kills / 2, "{num_killed} of {num_kills}");
 }
 

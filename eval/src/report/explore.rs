@@ -149,6 +149,7 @@ fn curves(results: &ExploreResults) -> String {
                 description: "bits of the next look over the number of looks of a day".into(),
                 x_label: "looks of ten minutes in a day; stop where other work is worth more",
                 x_scale: Scale::Linear,
+                y_unit: "",
                 guide: None,
                 x_ticks: ticks.to_vec(),
                 series: &series,
@@ -200,6 +201,7 @@ fn plot(
             description: format!("{title}, strategies and models"),
             x_label,
             x_scale: Scale::Linear,
+            y_unit: unit,
             guide: None,
             x_ticks,
             series: &series,
@@ -301,7 +303,7 @@ fn day_place(html: &mut String, place: &DayPlace) {
     for &(from, to) in &place.visits {
         put!(
             html,
-            "<path class=\"tick\" style=\"stroke-width:7\" d=\"M{:.1} {VISITS}H{:.1}\"/>",
+            "<path class=\"visit\" d=\"M{:.1} {VISITS}H{:.1}\"/>",
             px(from),
             px(to + minute)
         );
@@ -422,7 +424,7 @@ mod tests {
         assert!(html.contains("histogram &lt;persistent&gt;") && !html.contains("<b>where"));
         assert_eq!(html.matches("<tr><th scope=\"row\">").count(), 2);
         // Three plots and one day; the state is 1 until the end of the day.
-        assert_eq!(html.matches("<svg").count(), 4);
+        assert_eq!(html.matches("role=\"img\"").count(), 4);
         assert!(html.contains("H470.0V120H"));
         assert_eq!(html, render_explore(&results()));
     }

@@ -44,13 +44,15 @@ pub(super) enum Scale {
     Logarithmic,
 }
 
-/// A plot of shares (in %, from 0).
+/// A plot of values from 0, most often shares in %.
 pub(super) struct SharePlot<'a> {
     pub(super) title: &'a str,
     /// What a reader who cannot see it should know.
     pub(super) description: String,
     pub(super) x_label: &'a str,
     pub(super) x_scale: Scale,
+    /// Stands behind the numbers of the vertical axis, such as ` %`.
+    pub(super) y_unit: &'a str,
     /// A line to compare the others with.
     pub(super) guide: Option<[(f64, f64); 2]>,
     /// Positions and texts below the axis, ascending; an empty text is a bare tick.
@@ -170,10 +172,11 @@ impl SharePlot<'_> {
             put!(
                 html,
                 "<path class=\"axis\" d=\"M{LEFT} {y:.1}H{}\"/>\
-                 <text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{value} %</text>",
+                 <text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{value}{unit}</text>",
                 WIDTH - RIGHT,
                 LEFT - 7.0,
-                y + 4.5
+                y + 4.5,
+                unit = self.y_unit
             );
         }
         for (x, text) in &self.x_ticks {

@@ -342,6 +342,7 @@ fn order_plot(
     series.sort_by(|a, b| at_the_end(b).total_cmp(&at_the_end(a)));
     let plot = SharePlot {
         x_scale: Scale::Logarithmic,
+        y_unit: " %",
         guide: None,
         title,
         description: format!("{title}, over the order of the model"),

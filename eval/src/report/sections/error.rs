@@ -94,6 +94,7 @@ pub(super) fn error_plots(
                 Along::Pairs => "descriptor pairs compared per image",
             },
             x_scale: Scale::Logarithmic,
+            y_unit: " %",
             guide: None,
             x_ticks: ticks(results, &series, along),
             series: &series,

@@ -63,6 +63,10 @@ pub(super) fn study(dataset: &Dataset, num_seeds: u64) -> Result<ExploreResults>
         notes: vec![
             "The default was chosen on Aruba, and on no other set.".into(),
             format!("Curves have {seeds} seeds."),
+            "Bits a visit are those that a strategy ranks by: what a look leaves behind for weeks with \
+             information, the entropy of the state at that minute with the others; they compare models, \
+             not strategies."
+                .into(),
         ],
         majority: majority(recording),
         oracle: oracle(recording)?,

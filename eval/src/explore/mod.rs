@@ -10,7 +10,7 @@ mod study;
 mod table;
 mod travel;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 
 use crate::provenance::{commit, machine};
 use crate::run::RunOptions;
@@ -23,13 +23,7 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Option<ExploreResults>
     let Protocol::Explore { world, num_seeds } = suite.protocol else {
         return Ok(None);
     };
-    let data = options.data.as_deref().with_context(|| {
-        format!(
-            "suite `{}` needs its series: name their folder with --data DIR or the variable \
-             CHRONOTOPE_DATA",
-            suite.name
-        )
-    })?;
+    let data = options.folder_of_series(suite)?;
     let dataset = data::read(world, data)?;
     let mut results = match world {
         World::Aruba | World::Witham => study::study(&dataset, num_seeds)?,

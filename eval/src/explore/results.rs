@@ -76,7 +76,7 @@ pub struct DayPlace {
 }
 
 /// The file `SUITE.json` of a suite of exploration, and what its report draws.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct ExploreResults {
     /// The version of the file format, 1.
     pub schema_version: u32,

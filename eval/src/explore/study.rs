@@ -48,12 +48,6 @@ pub(super) fn study(dataset: &Dataset, num_seeds: u64) -> Result<ExploreResults>
     let (over_weeks, over_share) = curves.collect::<Result<Vec<_>>>()?.into_iter().unzip();
     Ok(ExploreResults {
         schema_version: SCHEMA_VERSION,
-        suite: String::new(),
-        title: String::new(),
-        dataset_sha256: String::new(),
-        commit: String::new(),
-        machine: String::new(),
-        command: String::new(),
         protocol: format!(
             "{} places, {num_days} days, one moment a minute; half of the time for visits of ten \
              minutes, planned at midnight; a state is 1 if p > 1/2, those of the place under visit are \
@@ -75,6 +69,7 @@ pub(super) fn study(dataset: &Dataset, num_seeds: u64) -> Result<ExploreResults>
         over_share,
         next_look_bits: gains(recording)?,
         day: Some(day(recording, (num_days / 2).min(20))?),
+        ..ExploreResults::default()
     })
 }
 

@@ -52,12 +52,6 @@ pub(super) fn travel(dataset: &Dataset, num_seeds: u64) -> Result<ExploreResults
     let reachable = (0..recording.num_places()).filter(|&it| roads.travel_s(0, it).is_some());
     Ok(ExploreResults {
         schema_version: SCHEMA_VERSION,
-        suite: String::new(),
-        title: String::new(),
-        dataset_sha256: String::new(),
-        commit: String::new(),
-        machine: String::new(),
-        command: String::new(),
         protocol: format!(
             "{} places, {} of which can be reached; {DAYS} days from another one for each of {num_seeds} \
              seeds, visits of ten minutes, half of the time for driving and visits; model {}",
@@ -68,13 +62,9 @@ pub(super) fn travel(dataset: &Dataset, num_seeds: u64) -> Result<ExploreResults
         notes: vec![
             "Bits: what a look leaves behind, for both by the measure that tours maximise.".into(),
         ],
-        majority: 0.0,
-        oracle: 0.0,
         rows,
-        over_weeks: Vec::new(),
         over_share,
-        next_look_bits: Vec::new(),
-        day: None,
+        ..ExploreResults::default()
     })
 }
 

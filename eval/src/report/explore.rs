@@ -69,11 +69,12 @@ fn head(results: &ExploreResults) -> String {
             Some(bits) => put!(
                 html,
                 "<p class=\"verdict\">Tours bring <strong>{:.1} bits</strong> an hour ({:.1} to {:.1}), and {} \
-                 visits were late.</p>",
+                 visits were late{}.</p>",
                 bits.value,
                 bits.low,
                 bits.high,
-                row.num_late
+                row.num_late,
+                others(results)
             ),
         }
     }
@@ -92,6 +93,23 @@ fn head(results: &ExploreResults) -> String {
     }
     html.push_str("</dl></details>");
     html
+}
+
+/// What the rows beside the default bring an hour.
+fn others(results: &ExploreResults) -> String {
+    let others = results.rows.iter().filter(|row| !row.is_default);
+    let texts = others.filter_map(|row| {
+        let bits = row.bits_an_hour?;
+        Some(format!(
+            "; {} brings {:.1} ({:.1} to {:.1}), {} late",
+            Esc(&row.strategy),
+            bits.value,
+            bits.low,
+            bits.high,
+            row.num_late
+        ))
+    });
+    texts.collect()
 }
 
 fn curves(results: &ExploreResults) -> String {
@@ -436,8 +454,10 @@ mod tests {
         results.day = None;
         results.next_look_bits.clear();
         results.rows[0].bits_an_hour = Some(sure(12.5));
+        results.rows[1].bits_an_hour = Some(sure(144.5));
         let html = render_explore(&results);
         assert!(html.contains("Bits an hour over the share of time"));
         assert!(html.contains("<strong>12.5 bits</strong>"));
+        assert!(html.contains("; random brings 144.5 (144.5 to 144.5), 0 late.</p>"));
     }
 }

@@ -69,7 +69,8 @@ pub(super) struct SharePlot<'a> {
 /// The largest value of an axis and its step, such that at most six steps reach `max`.
 pub(super) fn nice_axis(max: f64) -> (f64, f64) {
     let max = if max > 0.0 { max } else { 1.0 };
-    for step in [0.5, 1.0, 2.0, 5.0, 10.0, 20.0] {
+    let steps = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0];
+    for step in steps {
         let count = (max / step).ceil();
         if count <= 6.0 {
             return (count * step, step);
@@ -278,7 +279,7 @@ mod tests {
 
     #[test]
     fn axes_end_on_a_step_and_have_at_most_six() {
-        for max in [0.0, 0.3, 1.7, 3.0, 24.0, 47.5, 61.0, 100.0] {
+        for max in [0.0, 0.3, 1.7, 3.0, 24.0, 47.5, 61.0, 100.0, 216.2, 2_900.0] {
             let (top, step) = nice_axis(max);
             assert!(
                 top >= max && top / step <= 6.0 && (top / step).fract() == 0.0,
@@ -287,6 +288,7 @@ mod tests {
         }
         assert_eq!(nice_axis(47.5), (50.0, 10.0));
         assert_eq!(nice_axis(100.0), (100.0, 20.0));
+        assert_eq!(nice_axis(216.2), (250.0, 50.0));
     }
 
     #[test]

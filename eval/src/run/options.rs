@@ -1,6 +1,10 @@
 //! Where does a run read, and where does it write?
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+
+use crate::suite::Suite;
 
 /// Where a run reads and writes.
 #[derive(Clone, Debug, Default)]
@@ -17,4 +21,17 @@ pub struct RunOptions {
     pub worlds: Option<u64>,
     /// The command line, for the report.
     pub command: String,
+}
+
+impl RunOptions {
+    /// The folder of a suite that reads series.
+    pub fn folder_of_series(&self, suite: &Suite) -> Result<&Path> {
+        self.data.as_deref().with_context(|| {
+            format!(
+                "suite `{}` needs its series: name their folder with --data DIR or the variable \
+                 CHRONOTOPE_DATA",
+                suite.name
+            )
+        })
+    }
 }

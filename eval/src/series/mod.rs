@@ -16,7 +16,7 @@ mod score;
 mod spectrum;
 mod table;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 
 use crate::provenance::{commit, machine};
 use crate::run::RunOptions;
@@ -31,13 +31,7 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Option<SeriesResults>>
     let Protocol::Series { form, share } = suite.protocol else {
         return Ok(None);
     };
-    let data = options.data.as_deref().with_context(|| {
-        format!(
-            "suite `{}` needs its series: name their folder with --data DIR or the variable \
-             CHRONOTOPE_DATA",
-            suite.name
-        )
-    })?;
+    let data = options.folder_of_series(suite)?;
     let dataset = data::read(form, data)?;
     let share = options.share.unwrap_or(share);
     if !(share > 0.0 && share <= 1.0) {

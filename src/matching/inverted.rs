@@ -157,6 +157,17 @@ pub struct InvertedFile {
     kernel: Kernel,
 }
 
+fn positive(name: &str, count: usize) -> Result<usize> {
+    if count == 0 {
+        return Err(Error::new(
+            ErrorKind::Config,
+            format!("an inverted file cannot have 0 {name}"),
+        )
+        .with_help("begin with 4 sqrt(rows) lists and 32 probes"));
+    }
+    Ok(count)
+}
+
 impl InvertedFile {
     /// Over `rows` in at most `num_lists` lists, of which `probes` are searched.
     ///
@@ -174,13 +185,7 @@ impl InvertedFile {
         kernel: Kernel,
     ) -> Result<Self> {
         for (name, value) in [("lists", num_lists), ("probes", probes)] {
-            if value == 0 {
-                return Err(Error::new(
-                    ErrorKind::Config,
-                    format!("an inverted file cannot have 0 {name}"),
-                )
-                .with_help("begin with 4 sqrt(rows) lists and 32 probes"));
-            }
+            positive(name, value)?;
         }
         let words = BinaryWords::with_kernel(rows, num_lists, kernel);
         let mut lists_of = Vec::with_capacity(rows.len());
@@ -228,11 +233,10 @@ impl InvertedFile {
         }
     }
 
-    /// The same with another number of lists searched; at least 1 is.
-    #[must_use]
-    pub fn with_probes(mut self, probes: usize) -> Self {
-        self.probes = probes.max(1);
-        self
+    /// The same with another number of lists searched; 0 is an [`ErrorKind::Config`] error.
+    pub fn with_probes(mut self, probes: usize) -> Result<Self> {
+        self.probes = positive("probes", probes)?;
+        Ok(self)
     }
 
     /// How many lists there are.

@@ -190,6 +190,7 @@ fn an_inverted_file_of_nothing_is_refused_or_finds_nothing() {
         assert_eq!(error.kind(), chronotope::ErrorKind::Config);
     }
     let empty = InvertedFile::new(&[], 8, 2).unwrap();
+    assert!(empty.clone().with_probes(0).is_err());
     let mut out = [NearestTwo::EMPTY];
     let mut scratch = SearchScratch::default();
     empty.nearest_two_into(&mut scratch, &[Descriptor([1; 4])], &mut out);

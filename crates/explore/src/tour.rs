@@ -132,12 +132,17 @@ impl TourConfig {
         self
     }
 
-    /// States of about the same time and place that are kept, at least 1; by default 256 for all
+    /// States of about the same time and place that are kept, 1 or more; by default 256 for all
     /// places, 8 to 64 for each.
-    #[must_use]
-    pub fn with_width(mut self, width: usize) -> Self {
-        self.width = width.max(1);
-        self
+    pub fn with_width(mut self, width: usize) -> Result<Self> {
+        if width == 0 {
+            return Err(Error::new(
+                ErrorKind::Config,
+                "no tour is planned from 0 states",
+            ));
+        }
+        self.width = width;
+        Ok(self)
     }
 }
 

@@ -166,7 +166,7 @@ impl Drive<'_> {
                 VISIT_S,
             )?
             .with_budget_s(share * seconds)?
-            .with_width(WIDTH);
+            .with_width(WIDTH)?;
             let tour = plan_tour(self.explorer.beliefs(), &slots, self.roads, &cfg)?;
             let visits = (tour.stops.iter()).filter(|stop| stop.stop != Stop::Charge);
             visits

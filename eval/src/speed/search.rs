@@ -113,7 +113,7 @@ fn inverted(
     let mut scratch = SearchScratch::default();
     let mut found = vec![NearestTwo::EMPTY; queries.len()];
     for probes in PROBES {
-        file = file.with_probes(probes);
+        file = file.with_probes(probes)?;
         let ms = time(5, || {
             file.nearest_two_into(&mut scratch, queries, &mut found);
         });

@@ -228,6 +228,7 @@ fn tours_that_cannot_be_are_refused() {
     };
     assert!(cfg.clone().with_charger(charger(2, 60.0)).is_err());
     assert!(cfg.clone().with_charger(charger(0, 0.0)).is_err());
+    assert!(cfg.clone().with_width(0).is_err());
     let value = |_: usize, _: Time, _: &[Time]| 1.0;
     assert!(tour(&value, &Roads::none(3), &cfg).is_err());
     let nothing = |_: usize, _: Time, _: &[Time]| 0.0;

@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .map_or_else(|| temporary.path().join("street.map"), PathBuf::from);
 
     // Any source of grey images with places and times would do: `Dataset::open` reads folders.
-    let world = World::new(&WorldConfig::new(3).num_places(3))?;
+    let world = World::new(&WorldConfig::new(3).with_num_places(3))?;
     let schedule = Schedule::standard(3, 12, 1);
     let extractor = StarBrief::new(StarBriefConfig::default())?;
 
@@ -35,15 +35,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         for entry in world.dataset("street", &[round]).entries {
             let image = entry.source.load()?;
             let features = extractor.extract(&image, None)?;
-            learner.observe(&Observation {
-                place: entry.place,
-                session,
-                time: entry.time,
-                features: &features,
-                image_size: image.size(),
-                mask: None,
-                source: entry.id,
-            })?;
+            learner.observe(
+                &Observation::new(entry.place, session, entry.time, &features, image.size())
+                    .with_source(entry.id),
+            )?;
         }
         map.commit(learner.snapshot()?.as_ref())?;
     }
@@ -55,8 +50,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!(
         "{}: generation {}, {} places",
         path.display(),
-        snapshot.generation,
-        snapshot.nodes.len()
+        snapshot.generation(),
+        snapshot.nodes().len()
     );
     let localizer = Localizer::new(snapshot, LocalizerConfig::default())?;
     let mut scratch = localizer.scratch();
@@ -65,7 +60,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let query = Query::new(&features).at(entry.time);
         let answer = localizer.localize(&mut scratch, &query)?;
         let belief = match answer.decision {
-            Decision::At(node) => localizer.snapshot().node(node).key.to_string(),
+            Decision::At(node) => localizer.snapshot().node(node).key().to_string(),
             Decision::Ambiguous => "one of several".into(),
             _ => "unknown".into(),
         };

@@ -40,15 +40,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     for entry in world.dataset("2023", &schedule.learn).entries {
         let image = entry.source.load()?;
         let features = extractor.extract(&image, None)?;
-        learner.observe(&Observation {
-            session: SessionId::derive(&entry.time.to_string()),
-            place: entry.place,
-            time: entry.time,
-            features: &features,
-            image_size: image.size(),
-            mask: None,
-            source: entry.id,
-        })?;
+        learner.observe(
+            &Observation::new(
+                entry.place,
+                SessionId::derive(&entry.time.to_string()),
+                entry.time,
+                &features,
+                image.size(),
+            )
+            .with_source(entry.id),
+        )?;
     }
     let localizer = Localizer::new(learner.snapshot()?, LocalizerConfig::default())?;
     let truth = (localizer.snapshot().find(&world.places()[place])).ok_or("no such place")?;
@@ -112,7 +113,7 @@ fn draw_evidence(
             let Keypoint { x, y, .. } = features.keypoints()[found.live as usize];
             (x, y)
         } else {
-            let Keypoint { x, y, .. } = place.features.keypoints()[id as usize];
+            let Keypoint { x, y, .. } = place.features().keypoints()[id as usize];
             (x + shift.dx_px as f32, y + shift.dy_px as f32)
         };
         let (width, height) = (image.width() as i32, image.height() as i32);

@@ -23,8 +23,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let seed = arguments.next().map_or(Ok(1000), |seed| seed.parse())?;
     let control = arguments.next().is_some();
     let cfg = WorldConfig::new(seed)
-        .num_places(NUM_PLACES)
-        .rhythms(!control);
+        .with_num_places(NUM_PLACES)
+        .with_rhythms(!control);
     let world = World::new(&cfg)?;
     let first = world.render(0, Time::default(), 0);
     let (width, height) = (first.width(), first.height());

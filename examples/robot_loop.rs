@@ -15,7 +15,7 @@ use chronotope::robot::{Event, Frame, Robot, RobotConfig};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let seed = std::env::args().nth(1).map_or(Ok(1), |seed| seed.parse())?;
-    let world = World::new(&WorldConfig::new(seed).num_places(4))?;
+    let world = World::new(&WorldConfig::new(seed).with_num_places(4))?;
     let schedule = Schedule::standard(seed, 24, 6);
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("street.map");
@@ -55,15 +55,16 @@ fn learn_a_year(world: &World, schedule: &Schedule, path: &Path) -> chronotope::
     let mut learner = Learner::new(LearnConfig::default(), meta);
     for entry in world.dataset("2023", &schedule.learn).entries {
         let image = entry.source.load()?;
-        learner.observe(&Observation {
-            session: SessionId::derive(&entry.time.to_string()),
-            place: entry.place,
-            time: entry.time,
-            features: &extractor.extract(&image, None)?,
-            image_size: image.size(),
-            mask: None,
-            source: entry.id,
-        })?;
+        learner.observe(
+            &Observation::new(
+                entry.place,
+                SessionId::derive(&entry.time.to_string()),
+                entry.time,
+                &extractor.extract(&image, None)?,
+                image.size(),
+            )
+            .with_source(entry.id),
+        )?;
     }
     map.commit(&*learner.snapshot()?)?;
     Ok(())

@@ -14,7 +14,7 @@
 //! use chronotope::map::{MapMeta, SessionId, derived_uuid};
 //!
 //! // Two places, seen six times in 2023 and once in 2024. `Dataset::open` reads a folder instead.
-//! let world = World::new(&WorldConfig::new(1).num_places(2))?;
+//! let world = World::new(&WorldConfig::new(1).with_num_places(2))?;
 //! let schedule = Schedule::standard(1, 6, 1);
 //! let extractor = StarBrief::new(StarBriefConfig::default())?;
 //!
@@ -23,15 +23,9 @@
 //! for entry in world.dataset("learn", &schedule.learn).entries {
 //!     let image = entry.source.load()?;
 //!     let features = extractor.extract(&image, None)?;
-//!     learner.observe(&Observation {
-//!         place: entry.place,
-//!         session: SessionId::derive("one run"),
-//!         time: entry.time,
-//!         features: &features,
-//!         image_size: image.size(),
-//!         mask: None,
-//!         source: entry.id,
-//!     })?;
+//!     let session = SessionId::derive("one run");
+//!     let seen = Observation::new(entry.place, session, entry.time, &features, image.size());
+//!     learner.observe(&seen.with_source(entry.id))?;
 //! }
 //!
 //! let localizer = Localizer::new(learner.snapshot()?, LocalizerConfig::default())?;

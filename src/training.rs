@@ -18,7 +18,7 @@
 //! let mut training = Training::to_build("photos".as_ref(), "street.map".as_ref(), &cfg)?;
 //! training.learn(&|| false, &mut |_| {})?;
 //! let snapshot = training.finish()?;
-//! println!("{} places, {} images left out", snapshot.nodes.len(), training.report().problems.len());
+//! println!("{} places, {} images left out", snapshot.nodes().len(), training.report().problems.len());
 //! # Ok(())
 //! # }
 //! ```
@@ -287,7 +287,7 @@ impl Training {
             let guard = learn.guard().clone().with_clock(ClockPolicy::Ignore);
             learn = learn.with_guard(guard);
         }
-        let extractor = ExtractorConfig::from_id(&map.snapshot().meta.extractor)
+        let extractor = ExtractorConfig::from_id(&map.snapshot().meta().extractor)
             .and_then(|extractor| extractor.build())
             .map_err(|error| error.with_path(map.path()).with_place("extractor"))?;
         let mut training = Self::with(map, extractor, learn, dataset, cfg)?;
@@ -320,7 +320,7 @@ impl Training {
     /// Leaves out what has another size than the map's images or, of a map that is built, than most
     /// of them; and, where it is known what time it is, impossible times.
     fn set_aside(&mut self, now: Option<Time>) {
-        let size = self.learner.map().snapshot().meta.image_size;
+        let size = self.learner.map().snapshot().meta().image_size;
         self.scaled = self.dataset.set_aside(now, size);
         self.num_images = self.dataset.entries.len();
         self.report.problems.append(&mut self.dataset.problems);
@@ -414,7 +414,7 @@ impl Training {
                 on_step(Step::Done { num_done });
             }
             if self.commits_early() && self.learner.is_commit_due() {
-                let generation = self.learner.commit()?.snapshot.generation;
+                let generation = self.learner.commit()?.snapshot.generation();
                 on_step(Step::Committed { generation });
             }
         }
@@ -426,9 +426,9 @@ impl Training {
     /// Whatever run it was: a folder may have been renamed, an image located before.
     fn known_visits(&self) -> HashSet<(PlaceKey, Time, String)> {
         let snapshot = self.learner.map().snapshot();
-        let visits = (snapshot.nodes.iter())
-            .flat_map(|node| node.visits.iter().map(move |visit| (node, visit)))
-            .map(|(node, visit)| (node.key.clone(), visit.time, visit.source.clone()));
+        let visits = (snapshot.nodes().iter())
+            .flat_map(|node| node.visits().iter().map(move |visit| (node, visit)))
+            .map(|(node, visit)| (node.key().clone(), visit.time, visit.source.clone()));
         let held = self.learner.learner().held();
         let held = (held.visits().iter().chain(held.given_up()))
             .map(|visit| (visit.place.clone(), visit.time, visit.source.clone()));
@@ -505,10 +505,14 @@ impl Training {
     /// [`ErrorKind::Format`] if nothing could be learnt, else those of the map's file.
     pub fn finish(&mut self) -> Result<Arc<Snapshot>> {
         let snapshot = self.learner.snapshot()?;
-        if snapshot.nodes.is_empty() {
+        if snapshot.nodes().is_empty() {
             return Err(self.nothing("no image could be learnt"));
         }
-        if snapshot.nodes.iter().all(|node| node.features.is_empty()) {
+        if snapshot
+            .nodes()
+            .iter()
+            .all(|node| node.features().is_empty())
+        {
             return Err(
                 self.nothing("no image has a feature, so nothing could be located by this map")
             );
@@ -567,7 +571,7 @@ impl Training {
     /// A part without visits would only be in the way.
     fn remove_if_empty(&self) {
         if let Some(part) = &self.part
-            && self.learner.map().snapshot().nodes.is_empty()
+            && self.learner.map().snapshot().nodes().is_empty()
         {
             let _ = std::fs::remove_file(part);
         }
@@ -597,10 +601,10 @@ fn refuse_read_only(map: &Map) -> Result<()> {
 
 /// Adds the poses of places and the edges between them, as far as the map has the places.
 fn add_layout(snapshot: &mut Snapshot, dataset: &Dataset) -> Result<()> {
-    for node in &mut snapshot.nodes {
-        let pose = dataset.poses.get(&node.key).copied();
-        if pose.is_some() && node.pose != pose {
-            Arc::make_mut(node).pose = pose;
+    for node in snapshot.nodes_mut() {
+        let pose = dataset.poses.get(node.key()).copied();
+        if pose.is_some() && node.pose() != pose {
+            Arc::make_mut(node).set_pose(pose)?;
         }
     }
     for edge in &dataset.edges {
@@ -628,7 +632,7 @@ fn open_part(part: &Path, meta: MapMeta) -> Result<Map> {
             .map_or_else(String::new, |help| format!("{help}; or "));
         error.with_help(format!("{before}remove it to start again"))
     })?;
-    if map.snapshot().meta.uuid != meta.uuid {
+    if map.snapshot().meta().uuid != meta.uuid {
         return Err(Error::new(
             ErrorKind::AlreadyExists,
             "this is part of a build from another dataset or with other numbers",

@@ -79,7 +79,7 @@ struct Street {
 fn street() -> &'static Street {
     static STREET: OnceLock<Street> = OnceLock::new();
     STREET.get_or_init(|| {
-        let world = World::new(&WorldConfig::new(11).num_places(3)).unwrap();
+        let world = World::new(&WorldConfig::new(11).with_num_places(3)).unwrap();
         let schedule = Schedule::standard(11, 8, 2);
         let extractor = StarBrief::default();
         let mut learners = Preset::ALL.map(|preset| {
@@ -91,15 +91,14 @@ fn street() -> &'static Street {
             let image = entry.source.load().unwrap();
             let features = extractor.extract(&image, None).unwrap();
             for (_, learner) in &mut learners {
-                let observation = Observation {
-                    place: entry.place.clone(),
-                    session: SessionId::derive("learn"),
-                    time: entry.time,
-                    features: &features,
-                    image_size: image.size(),
-                    mask: None,
-                    source: entry.id.clone(),
-                };
+                let observation = Observation::new(
+                    entry.place.clone(),
+                    SessionId::derive("learn"),
+                    entry.time,
+                    &features,
+                    image.size(),
+                )
+                .with_source(entry.id.clone());
                 learner.observe(&observation).unwrap();
             }
         }
@@ -191,6 +190,7 @@ fn town() -> Snapshot {
     let mut snapshot = Snapshot::empty(MapMeta::new(1, "none", "default"));
     for place in 0..400_u32 {
         let mut node = Node::new(PlaceKey::new(&format!("p{place}")).unwrap());
+        let mut born = Features::new();
         for _ in 0..20 {
             let keypoint = Keypoint {
                 x: (random() % 400) as f32,
@@ -199,7 +199,7 @@ fn town() -> Snapshot {
                 response: 1.0,
             };
             let descriptor = Descriptor(std::array::from_fn(|_| random()));
-            node.features.push(keypoint, descriptor);
+            born.push(keypoint, descriptor);
         }
         for visit in 0..2_u32 {
             let time = Time::from_s(1_700_000_000 + i64::from(visit) * 7_000);
@@ -207,17 +207,18 @@ fn town() -> Snapshot {
             for feature in 0..20 {
                 seen.set(feature);
             }
-            node.log.push_visit(time, seen, None).unwrap();
-            node.visits.push(Visit {
+            let visit = Visit {
                 id: VisitId(u128::from(place * 2 + visit)),
                 session: SessionId::derive("town"),
                 time,
                 source: String::new(),
                 appearance: None,
                 appearance_use: AppearanceUse::Recognised,
-            });
+            };
+            let born = std::mem::take(&mut born);
+            (node.push_visit(visit, &born, seen, None, BitRow::zeros(0))).unwrap();
         }
-        snapshot.nodes.push(Arc::new(node));
+        snapshot.push_node(node).unwrap();
     }
     snapshot
 }
@@ -230,24 +231,24 @@ fn short_lists_of_places_allocate_nothing_once_warm() {
     let mut scratch = localizer.scratch();
     let mut out = Localization::default();
     let mut ask_all = || {
-        for node in snapshot.nodes.iter().step_by(13) {
-            let query = Query::new(&node.features).at(Time::from_s(1_700_020_000));
+        for node in snapshot.nodes().iter().step_by(13) {
+            let query = Query::new(node.features()).at(Time::from_s(1_700_020_000));
             localizer
                 .localize_into(&mut scratch, &query, &mut out)
                 .unwrap();
             let first = &localizer.snapshot().node(out.ranking[0].node);
-            assert_eq!(first.key, node.key);
+            assert_eq!(first.key(), node.key());
         }
     };
     ask_all();
     ask_all();
     assert_eq!(allocations(ask_all), 0);
-    assert!(out.ranking.len() < snapshot.nodes.len());
+    assert!(out.ranking.len() < snapshot.nodes().len());
 }
 
 #[test]
 fn extracting_allocates_nothing_once_warm() {
-    let world = World::new(&WorldConfig::new(12).num_places(1)).unwrap();
+    let world = World::new(&WorldConfig::new(12).with_num_places(1)).unwrap();
     let images: Vec<_> = (world.dataset("images", &Schedule::standard(12, 3, 1).learn))
         .entries
         .iter()

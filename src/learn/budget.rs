@@ -72,8 +72,8 @@ pub(super) struct Room {
 impl Room {
     pub(super) fn of(node: &Node) -> Self {
         Self {
-            num_features: node.features.len(),
-            num_visits: node.visits.len(),
+            num_features: node.features().len(),
+            num_visits: node.visits().len(),
         }
     }
 
@@ -135,8 +135,8 @@ pub(super) fn shrink(
     index: usize,
     room: Room,
 ) -> Result<Shrunk> {
-    let node = &*snapshot.nodes[index];
-    let features = if room.num_features < node.features.len() {
+    let node = &*snapshot.nodes()[index];
+    let features = if room.num_features < node.features().len() {
         let others = others(snapshot, index);
         let usefulness = usefulness(model, matcher, scratch, node, &others);
         let mut ids: Vec<usize> = (0..usefulness.len()).collect();
@@ -145,7 +145,7 @@ pub(super) fn shrink(
         (ids.iter().take(room.num_features)).for_each(|&id| kept[id] = true);
         kept
     } else {
-        vec![true; node.features.len()]
+        vec![true; node.features().len()]
     };
     let kept = sample(node, room.num_visits);
     let (node, was) = node.retained(&kept, &features)?;
@@ -155,10 +155,10 @@ pub(super) fn shrink(
 /// Which visits stay: the newest quarter of `num_visits`, and of the others those with the smallest
 /// identities.
 fn sample(node: &Node, num_visits: usize) -> Vec<bool> {
-    let all = node.visits.len();
+    let all = node.visits().len();
     let num_new = num_visits.div_ceil(LEFT_DENOMINATOR).min(all);
     let mut old: Vec<usize> = (0..all - num_new).collect();
-    old.sort_by_key(|&visit| node.visits[visit].id);
+    old.sort_by_key(|&visit| node.visits()[visit].id);
     old.truncate(num_visits.saturating_sub(num_new));
     let mut kept = vec![false; all];
     (old.into_iter().chain(all - num_new..all)).for_each(|visit| kept[visit] = true);
@@ -167,13 +167,13 @@ fn sample(node: &Node, num_visits: usize) -> Vec<bool> {
 
 /// The features of some other places, evenly spread over the map.
 fn others(snapshot: &Snapshot, own: usize) -> Vec<FeaturesView<'_>> {
-    let others: Vec<&Node> = (snapshot.nodes.iter().enumerate())
-        .filter(|&(index, node)| index != own && !node.features.is_empty())
+    let others: Vec<&Node> = (snapshot.nodes().iter().enumerate())
+        .filter(|&(index, node)| index != own && !node.features().is_empty())
         .map(|(_, node)| &**node)
         .collect();
     let num = others.len().min(MAX_OTHERS);
     (0..num)
-        .map(|at| others[at * others.len() / num].features.view())
+        .map(|at| others[at * others.len() / num].features().view())
         .collect()
 }
 
@@ -185,11 +185,16 @@ fn usefulness(
     node: &Node,
     others: &[FeaturesView<'_>],
 ) -> Vec<f64> {
-    let len = node.features.len();
+    let len = node.features().len();
     let mut num_found = vec![0_u32; len];
     for &other in others {
         let matches = &mut scratch.matches;
-        matcher.matches_into(&mut scratch.matching, node.features.view(), other, matches);
+        matcher.matches_into(
+            &mut scratch.matching,
+            node.features().view(),
+            other,
+            matches,
+        );
         for found in matches.iter() {
             num_found[found.map as usize] += 1;
         }
@@ -210,7 +215,7 @@ fn usefulness(
     let mut p: Vec<f64> = (0..len)
         .map(|id| f64::from(tried.num_seen[id]) / f64::from(tried.num_trials[id].max(1)))
         .collect();
-    let last = (node.log.times().iter().max().copied()).unwrap_or_default();
+    let last = (node.log().times().iter().max().copied()).unwrap_or_default();
     let mut usefulness = vec![0.0; len];
     for number in 0..NUM_TIMES {
         let step_us = Period::YEAR.as_us() / NUM_TIMES;
@@ -232,9 +237,9 @@ struct Trials {
 impl Trials {
     /// O(visits * features / 64 + what was seen or hidden).
     fn of(node: &Node) -> Self {
-        let (log, num_visits) = (&node.log, node.visits.len());
+        let (log, num_visits) = (node.log(), node.visits().len());
         let after_birth = |id: usize| (num_visits - 1 - log.birth(id)) as u32;
-        let mut num_trials: Vec<u32> = (0..node.features.len()).map(after_birth).collect();
+        let mut num_trials: Vec<u32> = (0..node.features().len()).map(after_birth).collect();
         let mut num_seen = vec![0; num_trials.len()];
         for visit in 0..num_visits {
             let known = |id: &usize| log.birth(*id) < visit;

@@ -27,7 +27,7 @@ pub fn rename_place(map: &Snapshot, from: &PlaceKey, to: &PlaceKey) -> Result<Sn
         .with_help("`map place join` makes one place of two"));
     }
     let mut renamed = map.clone();
-    renamed.node_mut(id).key = to.clone();
+    renamed.node_mut(id).set_key(to.clone());
     move_names(&mut renamed, from, to)?;
     Ok(renamed)
 }
@@ -38,9 +38,8 @@ pub fn rename_place(map: &Snapshot, from: &PlaceKey, to: &PlaceKey) -> Result<Sn
 pub fn remove_place(map: &Snapshot, key: &PlaceKey) -> Result<Snapshot> {
     let id = place(map, key)?;
     let mut left = map.clone();
-    left.nodes.remove(id.0 as usize);
-    left.edges
-        .retain(|edge| edge.from != *key && edge.to != *key);
+    left.nodes_mut().remove(id.0 as usize);
+    left.retain_edges(|edge| edge.from != *key && edge.to != *key);
     let mut held = Quarantine::of(map)?;
     held.retain(|visit| visit.place != *key);
     held.attach(&mut left)?;
@@ -61,22 +60,21 @@ pub fn join_places(map: &Snapshot, key: &PlaceKey, other: &PlaceKey) -> Result<S
         ));
     }
     let alone = |node: Node| {
-        let mut part = Snapshot::empty(map.meta.clone());
-        part.nodes.push(Arc::new(node));
-        part
+        let mut part = Snapshot::empty(map.meta().clone());
+        part.push_node(node).map(|_| part)
     };
     let mut moved = map.node(other_id).clone();
-    moved.key = key.clone();
-    moved.pose = map.node(id).pose.or(moved.pose);
+    moved.set_key(key.clone());
+    moved.set_pose(map.node(id).pose().or(moved.pose()))?;
     let mut kept = map.node(id).clone();
-    kept.pose = moved.pose;
-    let joined = merge(&[&alone(kept), &alone(moved)])?;
+    kept.set_pose(moved.pose())?;
+    let joined = merge(&[&alone(kept)?, &alone(moved)?])?;
     let mut result = map.clone();
-    result.nodes[id.0 as usize] = Arc::clone(&joined.nodes[0]);
-    result.nodes.remove(other_id.0 as usize);
+    result.replace_node(id, Arc::clone(&joined.nodes()[0]))?;
+    result.nodes_mut().remove(other_id.0 as usize);
     move_names(&mut result, other, key)?;
     // An edge between the two leads nowhere now.
-    result.edges.retain(|edge| edge.from != edge.to);
+    result.retain_edges(|edge| edge.from != edge.to);
     Ok(result)
 }
 
@@ -85,11 +83,11 @@ pub fn join_places(map: &Snapshot, key: &PlaceKey, other: &PlaceKey) -> Result<S
 /// Fails with [`ErrorKind::NotFound`] if the map has not learnt it.
 pub fn drop_visit(map: &Snapshot, id: VisitId) -> Result<(Snapshot, PlaceKey)> {
     let mut left = map.clone();
-    for node in &mut left.nodes {
-        let kept: Vec<bool> = node.visits.iter().map(|visit| visit.id != id).collect();
+    for node in left.nodes_mut() {
+        let kept: Vec<bool> = node.visits().iter().map(|visit| visit.id != id).collect();
         if kept.contains(&false) {
             *node = Arc::new(without(node, &kept)?);
-            let key = node.key.clone();
+            let key = node.key().clone();
             return Ok((left, key));
         }
     }
@@ -108,7 +106,7 @@ fn place(map: &Snapshot, key: &PlaceKey) -> Result<NodeId> {
 
 /// Gives edges and visits that are held the new name of their place.
 fn move_names(map: &mut Snapshot, from: &PlaceKey, to: &PlaceKey) -> Result<()> {
-    for edge in &mut map.edges {
+    for edge in map.edges_mut() {
         for end in [&mut edge.from, &mut edge.to] {
             if end == from {
                 *end = to.clone();
@@ -116,12 +114,12 @@ fn move_names(map: &mut Snapshot, from: &PlaceKey, to: &PlaceKey) -> Result<()> 
         }
     }
     let mut edges = Vec::new();
-    for edge in std::mem::take(&mut map.edges) {
+    for edge in std::mem::take(map.edges_mut()) {
         if !edges.contains(&edge) {
             edges.push(edge);
         }
     }
-    map.edges = edges;
+    *map.edges_mut() = edges;
     let mut held = Quarantine::of(map)?;
     held.rename_place(from, to);
     held.attach(map)
@@ -184,21 +182,21 @@ mod tests {
         let map = map()?;
         let renamed = rename_place(&map, &key("b"), &key("hall"))?;
         renamed.check()?;
-        assert_eq!(renamed.edges[0].to, key("hall"));
+        assert_eq!(renamed.edges()[0].to, key("hall"));
         assert_eq!(rename_place(&renamed, &key("hall"), &key("b"))?, map);
         assert!(rename_place(&map, &key("b"), &key("c")).is_err());
         assert!(rename_place(&map, &key("x"), &key("y")).is_err());
 
         let left = remove_place(&map, &key("b"))?;
         left.check()?;
-        assert_eq!((left.nodes.len(), left.edges.len()), (2, 0));
+        assert_eq!((left.nodes().len(), left.edges().len()), (2, 0));
 
         let joined = join_places(&map, &key("a"), &key("b"))?;
         joined.check()?;
-        assert_eq!(joined.nodes.len(), 2);
-        assert_eq!(joined.nodes[0].visits.len(), 4);
+        assert_eq!(joined.nodes().len(), 2);
+        assert_eq!(joined.nodes()[0].visits().len(), 4);
         assert_eq!(
-            (&joined.edges[0].from, &joined.edges[0].to),
+            (&joined.edges()[0].from, &joined.edges()[0].to),
             (&key("a"), &key("c"))
         );
         assert!(join_places(&map, &key("a"), &key("a")).is_err());
@@ -208,12 +206,12 @@ mod tests {
     #[test]
     fn one_visit_is_dropped_and_its_place_stays() -> Result<()> {
         let map = map()?;
-        let id = map.nodes[1].visits[0].id;
+        let id = map.nodes()[1].visits()[0].id;
         let (left, place) = drop_visit(&map, id)?;
         left.check()?;
         assert_eq!(place, key("b"));
-        assert_eq!(left.nodes[1].visits.len(), 1);
-        assert_eq!(left.nodes[0], map.nodes[0]);
+        assert_eq!(left.nodes()[1].visits().len(), 1);
+        assert_eq!(left.nodes()[0], map.nodes()[0]);
         assert!(drop_visit(&left, id).is_err());
         Ok(())
     }

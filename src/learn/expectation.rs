@@ -129,7 +129,7 @@ impl Expectations {
         let known = place.take().filter(|it| !it.is_stale());
         Ok(place.insert(match known {
             Some(known) => known,
-            None => PlaceModel::of(cfg, &node.log)?,
+            None => PlaceModel::of(cfg, node.log())?,
         }))
     }
 
@@ -158,24 +158,40 @@ impl Expectations {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::PlaceKey;
+    use crate::feature::{Descriptor, Features, Keypoint};
+    use crate::map::{AppearanceUse, PlaceKey, SessionId, Visit, VisitId};
     use fremen::visibility::BitRow;
+
+    const KEYPOINT: Keypoint = Keypoint {
+        x: 1.0,
+        y: 2.0,
+        size: 3.0,
+        response: 4.0,
+    };
 
     /// A place whose feature `i` is seen at one in `i + 1` visits.
     fn place(num_visits: usize) -> Node {
-        let mut log = HistoryLog::new();
-        for visit in 0..num_visits {
+        let mut node = Node::new(PlaceKey::new("here").expect("valid"));
+        for number in 0..num_visits {
             let mut seen = BitRow::zeros(6);
             (0..6)
-                .filter(|i| visit.is_multiple_of(i + 1))
+                .filter(|i| number.is_multiple_of(i + 1))
                 .for_each(|i| seen.set(i));
-            log.push_visit(Time::from_s(3_600 * visit as i64), seen, None)
-                .expect("fits");
+            let visit = Visit {
+                id: VisitId(number as u128),
+                session: SessionId::default(),
+                time: Time::from_s(3_600 * number as i64),
+                source: String::new(),
+                appearance: None,
+                appearance_use: AppearanceUse::Recognised,
+            };
+            let mut born = Features::new();
+            for _ in node.features().len()..6 {
+                born.push(KEYPOINT, Descriptor::default());
+            }
+            (node.push_visit(visit, &born, seen, None, BitRow::zeros(0))).expect("fits");
         }
-        Node {
-            log,
-            ..Node::new(PlaceKey::new("here").expect("valid"))
-        }
+        node
     }
 
     #[test]
@@ -205,7 +221,7 @@ mod tests {
             let node = place(num_visits);
             let model = early.of(&cfg, 0, &node).expect("fits");
             let num_early = model.num_fitted;
-            let late = PlaceModel::of(&cfg, &node.log).expect("fits");
+            let late = PlaceModel::of(&cfg, node.log()).expect("fits");
             assert_eq!(num_early, late.num_fitted, "{num_visits} visits");
             assert!(num_early + num_early / STALE_SHARE + 1 > num_visits);
             early.count_visit(0);

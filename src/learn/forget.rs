@@ -24,8 +24,8 @@ pub fn forget_session(map: &Snapshot, session: SessionId) -> Result<(Snapshot, u
     let mut forgotten = map.clone();
     let mut held = Quarantine::of(map)?;
     let mut num_forgotten = held.forget(session);
-    for node in &mut forgotten.nodes {
-        let kept: Vec<bool> = (node.visits.iter())
+    for node in forgotten.nodes_mut() {
+        let kept: Vec<bool> = (node.visits().iter())
             .map(|visit| visit.session != session)
             .collect();
         let num_gone = kept.iter().filter(|&&is_kept| !is_kept).count();
@@ -47,10 +47,10 @@ pub fn forget_session(map: &Snapshot, session: SessionId) -> Result<(Snapshot, u
 
 /// The place with only these visits, and the features that they saw.
 pub(super) fn without(node: &Node, kept: &[bool]) -> Result<Node> {
-    let mut is_seen = vec![false; node.features.len()];
-    let visits = (0..node.visits.len()).filter(|&visit| kept[visit]);
+    let mut is_seen = vec![false; node.features().len()];
+    let visits = (0..node.visits().len()).filter(|&visit| kept[visit]);
     for visit in visits {
-        (node.log.seen_row(visit).ones()).for_each(|id| is_seen[id] = true);
+        (node.log().seen_row(visit).ones()).for_each(|id| is_seen[id] = true);
     }
     Ok(node.retained(kept, &is_seen)?.0)
 }

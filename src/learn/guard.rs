@@ -181,8 +181,8 @@ impl Guard {
         time: Time,
         circumstances: &Circumstances,
     ) -> Option<QuarantineReason> {
-        let newest = (snapshot.nodes.iter())
-            .filter_map(|node| node.log.times().last())
+        let newest = (snapshot.nodes().iter())
+            .filter_map(|node| node.log().times().last())
             .max();
         if newest.is_some_and(|&newest| newest < FIRST_TIME) {
             return None;
@@ -251,13 +251,13 @@ impl Guard {
         }
         let place = &mut self.pasts[index];
         // Of a place that has grown much, early agreements say little: few visits predict badly.
-        let num_visits = node.visits.len();
+        let num_visits = node.visits().len();
         let known = place.take().filter(|past| {
             past.agreements.len() == num_visits && num_visits < OUTGROWN * past.num_judged
         });
         let past = place.insert(match known {
             Some(known) => known,
-            None => Past::of(cfg, &node.log, &mut self.scores)?,
+            None => Past::of(cfg, node.log(), &mut self.scores)?,
         });
         let mut sorted: Vec<f64> = past.agreements.iter().flatten().copied().collect();
         sorted.sort_by(f64::total_cmp);

@@ -72,7 +72,11 @@ impl Learner {
         held: Quarantine,
     ) -> Self {
         let num_bytes = if cfg.budget().bytes().is_some() {
-            snapshot.nodes.iter().map(|node| node.num_bytes()).collect()
+            snapshot
+                .nodes()
+                .iter()
+                .map(|node| node.num_bytes())
+                .collect()
         } else {
             Vec::new()
         };
@@ -87,7 +91,7 @@ impl Learner {
                 Recipe::Online => cfg.stay_gap_s(),
                 Recipe::Reference => 0,
             }),
-            stale: vec![false; snapshot.nodes.len()],
+            stale: vec![false; snapshot.nodes().len()],
             reobserve: Matcher::new(cfg.reobserve().clone()),
             experience: Matcher::new(cfg.experience().matching().clone()),
             cfg,
@@ -180,7 +184,7 @@ impl Learner {
     ) -> bool {
         let (place, time) = (&observation.place, observation.time);
         let index = self.snapshot.find(place).map(|id| id.0 as usize);
-        let node = index.map(|index| &*self.snapshot.nodes[index]);
+        let node = index.map(|index| &*self.snapshot.nodes()[index]);
         let part = self.stays.arrive(place, node, time);
         if is_doubtful {
             let held = self.held.visits().iter().filter(|it| it.place == *place);
@@ -274,9 +278,9 @@ impl Learner {
 
     /// Whether a visit that is held can be learnt into the map as it is by now; gives its mask.
     fn check_held(&self, held: &QuarantinedVisit) -> Result<Option<GrayImage>> {
-        check_size(&self.snapshot.meta, held.image_size)
+        check_size(self.snapshot.meta(), held.image_size)
             .map_err(|error| error.with_path(&held.source))?;
-        let mut learnt = self.snapshot.nodes.iter().flat_map(|node| &node.visits);
+        let mut learnt = self.snapshot.nodes().iter().flat_map(|node| node.visits());
         if learnt.any(|visit| visit.id == held.id) {
             return Err(Error::new(
                 ErrorKind::AlreadyExists,
@@ -338,7 +342,7 @@ impl Learner {
             return Ok((Some(doubt), None));
         }
         match self.snapshot.find(&observation.place) {
-            Some(id) if self.snapshot.node(id).visits.len() >= self.cfg.guard().min_visits() => {
+            Some(id) if self.snapshot.node(id).visits().len() >= self.cfg.guard().min_visits() => {
                 self.judge_view(id.0 as usize, observation, features, circumstances)
             }
             _ => Ok((None, None)),
@@ -354,7 +358,7 @@ impl Learner {
         circumstances: &Circumstances,
     ) -> Result<(Option<QuarantineReason>, Option<f64>)> {
         let found = self.find(index, observation, features);
-        let node = &*self.snapshot.nodes[index];
+        let node = &*self.snapshot.nodes()[index];
         let Some(guard) = &mut self.guard else {
             return Ok((None, None));
         };
@@ -389,14 +393,14 @@ impl Learner {
     ) -> Option<(PlaceKey, usize)> {
         let mut most = num_own;
         let mut best = None;
-        for index in (0..self.snapshot.nodes.len()).filter(|&index| index != own) {
+        for index in (0..self.snapshot.nodes().len()).filter(|&index| index != own) {
             let num_agreeing = self.find(index, observation, features).distances.len();
             if num_agreeing > most {
                 most = num_agreeing;
                 best = Some(index);
             }
         }
-        best.map(|index| (self.snapshot.nodes[index].key.clone(), most))
+        best.map(|index| (self.snapshot.nodes()[index].key().clone(), most))
     }
 
     /// Looks for the features of the place at `index` in an image (online recipe).
@@ -405,7 +409,7 @@ impl Learner {
             &self.cfg,
             &self.reobserve,
             &mut self.scratch,
-            self.snapshot.nodes[index].features.view(),
+            self.snapshot.nodes()[index].features().view(),
             observation,
             features,
         )
@@ -426,7 +430,7 @@ impl Learner {
             Recipe::Online => self.find(index, observation, &features),
             Recipe::Reference => {
                 self.stale[index] = true;
-                let known = self.snapshot.nodes[index].features.view();
+                let known = self.snapshot.nodes()[index].features().view();
                 reference::find(&self.cfg, known, &features)
             }
         };
@@ -454,7 +458,7 @@ impl Learner {
             },
             ..visit
         };
-        let node = Arc::make_mut(&mut self.snapshot.nodes[index]);
+        let node = Arc::make_mut(&mut self.snapshot.nodes_mut()[index]);
         node.push_visit(visit, &found.born, found.seen, found.hidden, located_by)?;
         self.expectations.count_visit(index);
         if let Some(guard) = &mut self.guard {
@@ -466,7 +470,7 @@ impl Learner {
                 self.reobservation.count_distance(distance_bits);
             }
         }
-        self.snapshot.meta.image_size = Some(observation.image_size);
+        self.snapshot.meta_mut().image_size = Some(observation.image_size);
         learnt.num_forgotten = self.keep_to_budget(index)?;
         Ok(learnt)
     }
@@ -474,28 +478,28 @@ impl Learner {
     /// Forgets what exceeds the budget after a visit of the place at `index`; gives how much.
     fn keep_to_budget(&mut self, index: usize) -> Result<usize> {
         let mut num_forgotten = 0;
-        let node = &self.snapshot.nodes[index];
+        let node = &self.snapshot.nodes()[index];
         if let Some(room) = Room::within_budget(self.cfg.budget(), node) {
             num_forgotten += self.shrink(index, room)?;
         }
         let Some(most) = self.cfg.budget().bytes() else {
             return Ok(num_forgotten);
         };
-        self.num_bytes.resize(self.snapshot.nodes.len(), 0);
-        self.num_bytes[index] = self.snapshot.nodes[index].num_bytes();
+        self.num_bytes.resize(self.snapshot.nodes().len(), 0);
+        self.num_bytes[index] = self.snapshot.nodes()[index].num_bytes();
         let total: usize = self.num_bytes.iter().sum();
         if total > most {
-            for index in 0..self.snapshot.nodes.len() {
-                let room = Room::of(&self.snapshot.nodes[index]).scaled(total, most);
+            for index in 0..self.snapshot.nodes().len() {
+                let room = Room::of(&self.snapshot.nodes()[index]).scaled(total, most);
                 num_forgotten += self.shrink(index, room)?;
-                self.num_bytes[index] = self.snapshot.nodes[index].num_bytes();
+                self.num_bytes[index] = self.snapshot.nodes()[index].num_bytes();
             }
         }
         Ok(num_forgotten)
     }
 
     fn shrink(&mut self, index: usize, room: Room) -> Result<usize> {
-        let node = &self.snapshot.nodes[index];
+        let node = &self.snapshot.nodes()[index];
         let model = self.expectations.of(&self.cfg, index, node)?;
         let shrunk = budget::shrink(
             model,
@@ -505,19 +509,19 @@ impl Learner {
             index,
             room,
         )?;
-        let size = |node: &Node| node.features.len() + node.visits.len();
+        let size = |node: &Node| node.features().len() + node.visits().len();
         let num_forgotten = size(node).saturating_sub(size(&shrunk.node));
         self.expectations.renumber(index, &shrunk.was);
         if let Some(guard) = &mut self.guard {
             guard.retain(index, &shrunk.kept);
         }
-        self.snapshot.nodes[index] = Arc::new(shrunk.node);
+        self.snapshot.nodes_mut()[index] = Arc::new(shrunk.node);
         Ok(num_forgotten)
     }
 
     /// The map as learnt so far.
     pub fn snapshot(&mut self) -> Result<Arc<Snapshot>> {
-        for (node, stale) in self.snapshot.nodes.iter_mut().zip(&mut self.stale) {
+        for (node, stale) in self.snapshot.nodes_mut().iter_mut().zip(&mut self.stale) {
             if std::mem::take(stale) {
                 reference::write_log(&self.cfg, Arc::make_mut(node))?;
             }
@@ -544,7 +548,7 @@ impl Learner {
             )
             .with_help("name the image by a shorter path"));
         }
-        check_size(&self.snapshot.meta, observation.image_size)
+        check_size(self.snapshot.meta(), observation.image_size)
             .map_err(|error| error.with_path(&observation.source))?;
         if let Some(mask) = observation.mask
             && (mask.width(), mask.height()) != (width as usize, height as usize)
@@ -569,7 +573,7 @@ impl Learner {
             visit.id == id || visit.time == observation.time && visit.id == identity(visit.session)
         };
         let place = self.snapshot.find(&observation.place);
-        if place.is_some_and(|node| self.snapshot.node(node).visits.iter().any(is_known)) {
+        if place.is_some_and(|node| self.snapshot.node(node).visits().iter().any(is_known)) {
             return Err(Error::new(
                 ErrorKind::AlreadyExists,
                 format!(
@@ -595,9 +599,9 @@ impl Learner {
         if let Some(id) = self.snapshot.find(place) {
             return id.0 as usize;
         }
-        self.snapshot.nodes.push(Arc::new(Node::new(place.clone())));
+        (self.snapshot.nodes_mut()).push(Arc::new(Node::new(place.clone())));
         self.stale.push(false);
-        self.snapshot.nodes.len() - 1
+        self.snapshot.nodes().len() - 1
     }
 
     /// Localises an image by the experiences so far: a bit for each experience of its own place,
@@ -607,13 +611,13 @@ impl Learner {
         let remembers = self.cfg.keep_appearances() != KeepAppearances::None
             || self.cfg.recipe() == Recipe::Reference;
         if !remembers {
-            let row = self.snapshot.nodes[own].unlocated(AppearanceUse::Recognised);
+            let row = self.snapshot.nodes()[own].unlocated(AppearanceUse::Recognised);
             return (row, false);
         }
         let mut best_other = self.cfg.experience().min_score().max(1) - 1;
         let mut own_scores = Vec::new();
-        for (index, node) in self.snapshot.nodes.iter().enumerate() {
-            let experiences = (node.visits.iter())
+        for (index, node) in self.snapshot.nodes().iter().enumerate() {
+            let experiences = (node.visits().iter())
                 .filter(|visit| visit.appearance_use == AppearanceUse::Experience);
             for visit in experiences {
                 // An experience whose appearance was dropped locates nothing.

@@ -37,8 +37,8 @@ use super::learner::Learner;
 use super::visit::Observation;
 use crate::feature::{Descriptor, Features, Keypoint};
 use crate::map::{
-    AppearanceUse, Edge, MapMeta, Node, PlaceKey, Quarantine, Reobservation, Snapshot, Visit,
-    VisitId,
+    AppearanceUse, Edge, MapMeta, Node, PlaceKey, Quarantine, Reobservation, Snapshot,
+    SnapshotParts, Visit, VisitId,
 };
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
@@ -93,14 +93,17 @@ pub fn merge(maps: &[&Snapshot]) -> Result<Snapshot> {
     }
     let meta =
         (union.meta).ok_or_else(|| Error::new(ErrorKind::Config, "there is no map to merge"))?;
-    let mut snapshot = Snapshot::empty(meta);
-    for (key, place) in union.places {
-        snapshot.push_node(place.into_node(key)?)?;
-    }
-    snapshot.edges = (union.edges.into_iter())
-        .map(|(from, to, name)| Edge { from, to, name })
-        .collect();
-    let visits = snapshot.nodes.iter().flat_map(|node| &node.visits);
+    let places = union.places.into_iter();
+    let mut snapshot = Snapshot::from_sound_places(SnapshotParts {
+        nodes: places
+            .map(|(key, place)| place.into_node(key).map(Arc::new))
+            .collect::<Result<_>>()?,
+        edges: (union.edges.into_iter())
+            .map(|(from, to, name)| Edge { from, to, name })
+            .collect(),
+        ..Snapshot::empty(meta).into_parts()
+    })?;
+    let visits = snapshot.nodes().iter().flat_map(|node| node.visits());
     visits.for_each(|visit| drop(held.take(visit.id)));
     held.attach(&mut snapshot)?;
     if let Some(reobservation) = reobservation {
@@ -115,29 +118,29 @@ pub fn merge(maps: &[&Snapshot]) -> Result<Snapshot> {
 /// Masks are not kept with a visit that was learnt: what one hid counts as not seen here.
 /// [`ErrorKind::NotFound`] if a visit's features were not kept.
 pub fn relearn(cfg: LearnConfig, map: &Snapshot) -> Result<Snapshot> {
-    let mut visits: Vec<(&Node, &Visit)> = (map.nodes.iter())
-        .flat_map(|node| node.visits.iter().map(move |visit| (&**node, visit)))
+    let mut visits: Vec<(&Node, &Visit)> = (map.nodes().iter())
+        .flat_map(|node| node.visits().iter().map(move |visit| (&**node, visit)))
         .collect();
     visits.sort_by_key(|(_, visit)| (visit.time, visit.id));
-    let image_size = map.meta.image_size.unwrap_or_default();
+    let image_size = map.meta().image_size.unwrap_or_default();
     // A map's visits are believed already.
     let guard = cfg.guard().clone().with_judge(Judge::Never);
     let cfg = (cfg.with_guard(guard)).with_keep_appearances(KeepAppearances::All);
     let cfg = cfg.with_stay_gap_s(0);
-    let mut learner = Learner::new(cfg, map.meta.clone());
+    let mut learner = Learner::new(cfg, map.meta().clone());
     for (node, visit) in &visits {
         let Some(features) = &visit.appearance else {
             return Err(Error::new(
                 ErrorKind::NotFound,
                 format!("the features of the visit at {} were not kept", visit.time),
             )
-            .with_place(format!("place `{}`", node.key))
+            .with_place(format!("place `{}`", node.key()))
             .with_help(
                 "build the maps with `--keep-appearances all`, or merge without learning again",
             ));
         };
         learner.observe(&Observation {
-            place: node.key.clone(),
+            place: node.key().clone(),
             session: visit.session,
             time: visit.time,
             features,
@@ -147,23 +150,28 @@ pub fn relearn(cfg: LearnConfig, map: &Snapshot) -> Result<Snapshot> {
         })?;
     }
     let learnt = learner.snapshot()?;
-    let mut snapshot = Snapshot {
-        edges: map.edges.clone(),
-        attachments: learnt.attachments.clone(),
-        ..Snapshot::empty(map.meta.clone())
-    };
-    for node in &map.nodes {
-        let mut again = (learnt.find(&node.key))
-            .map_or_else(|| Node::new(node.key.clone()), |id| learnt.node(id).clone());
-        again.pose = node.pose;
+    let mut nodes = Vec::with_capacity(map.nodes().len());
+    for node in map.nodes() {
+        let mut again = (learnt.find(node.key())).map_or_else(
+            || Node::new(node.key().clone()),
+            |id| learnt.node(id).clone(),
+        );
+        again.set_pose(node.pose())?;
         // The identity is that of the image, of which only the strongest features may have been
         // kept.
-        let ids = visits.iter().filter(|(of, _)| of.key == node.key);
-        for (visit, (_, original)) in again.visits.iter_mut().zip(ids) {
+        let ids = visits.iter().filter(|(of, _)| of.key() == node.key());
+        let mut parts = again.into_parts();
+        for (visit, (_, original)) in parts.visits.iter_mut().zip(ids) {
             visit.id = original.id;
         }
-        snapshot.push_node(again)?;
+        nodes.push(Arc::new(Node::from_parts(parts)?));
     }
+    let mut snapshot = Snapshot::from_sound_places(SnapshotParts {
+        nodes,
+        edges: map.edges().to_vec(),
+        attachments: learnt.attachments().clone(),
+        ..Snapshot::empty(map.meta().clone()).into_parts()
+    })?;
     Quarantine::of(map)?.attach(&mut snapshot)?;
     Ok(snapshot)
 }
@@ -180,15 +188,15 @@ struct Union {
 impl Union {
     fn add(&mut self, map: &Snapshot) {
         match &mut self.meta {
-            None => self.meta = Some(map.meta.clone()),
-            Some(meta) => merge_meta(meta, &map.meta, &mut self.conflicts),
+            None => self.meta = Some(map.meta().clone()),
+            Some(meta) => merge_meta(meta, map.meta(), &mut self.conflicts),
         }
-        for edge in &map.edges {
+        for edge in map.edges() {
             self.edges
                 .insert((edge.from.clone(), edge.to.clone(), edge.name.clone()));
         }
-        for node in &map.nodes {
-            let place = self.places.entry(node.key.clone()).or_default();
+        for node in map.nodes() {
+            let place = self.places.entry(node.key().clone()).or_default();
             place.add(node, &mut self.conflicts);
         }
     }
@@ -312,14 +320,14 @@ fn unordered(integer: i32) -> f32 {
 
 impl Place {
     fn add(&mut self, node: &Node, conflicts: &mut Vec<String>) {
-        match (self.pose, node.pose) {
+        match (self.pose, node.pose()) {
             (Some(a), Some(b)) if a != b => {
-                conflicts.push(format!("place `{}` at {a:?} m or at {b:?} m", node.key));
+                conflicts.push(format!("place `{}` at {a:?} m or at {b:?} m", node.key()));
             }
             (a, b) => self.pose = a.or(b),
         }
-        let columns: Vec<usize> = (node.features.keypoints().iter())
-            .zip(node.features.descriptors())
+        let columns: Vec<usize> = (node.features().keypoints().iter())
+            .zip(node.features().descriptors())
             .map(|(keypoint, &descriptor)| {
                 let next = self.features.len();
                 *(self.features)
@@ -327,11 +335,11 @@ impl Place {
                     .or_insert(next)
             })
             .collect();
-        let experiences: Vec<VisitId> = (node.visits.iter())
+        let experiences: Vec<VisitId> = (node.visits().iter())
             .filter(|visit| visit.appearance_use == AppearanceUse::Experience)
             .map(|visit| visit.id)
             .collect();
-        for (at, visit) in node.visits.iter().enumerate() {
+        for (at, visit) in node.visits().iter().enumerate() {
             if *self.times.entry(visit.id).or_insert(visit.time) != visit.time {
                 conflicts.push(format!("visit {} has two times", visit.id));
             }
@@ -345,19 +353,19 @@ impl Place {
                     located_by: BTreeSet::new(),
                 });
             merge_visit(&mut entry.visit, visit);
-            let row = node.log.seen_row(at);
-            let hidden = node.log.hidden_row(at);
+            let row = node.log().seen_row(at);
+            let hidden = node.log().hidden_row(at);
             let known = (0..row.len()).filter(|&i| !hidden.is_some_and(|hidden| hidden.get(i)));
             known.for_each(|i| entry.known.insert(columns[i]));
             row.ones().for_each(|i| entry.seen.insert(columns[i]));
-            let located_by = node.experience_log.seen_row(at).ones();
+            let located_by = node.experience_log().seen_row(at).ones();
             entry.located_by.extend(located_by.map(|i| experiences[i]));
         }
     }
 
     fn into_node(self, key: PlaceKey) -> Result<Node> {
         let mut node = Node::new(key);
-        node.pose = self.pose;
+        node.set_pose(self.pose)?;
         // Features in order of birth, which is the first visit that knows of them.
         let mut births = vec![0; self.features.len()];
         for (at, entry) in self.visits.values().enumerate().rev() {
@@ -375,7 +383,7 @@ impl Place {
         for (at, entry) in self.visits.into_values().enumerate() {
             let len = order.partition_point(|&(birth, ..)| birth <= at);
             let mut born = Features::new();
-            for (_, key, _) in &order[node.features.len()..len] {
+            for (_, key, _) in &order[node.features().len()..len] {
                 born.push(key.keypoint(), key.descriptor);
             }
             let mut seen = BitRow::zeros(len);

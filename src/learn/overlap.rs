@@ -22,9 +22,9 @@ pub fn have_in_common(cfg: &LearnConfig, a: &Snapshot, b: &Snapshot) -> bool {
     }
     let matcher = Matcher::new(cfg.reobserve().clone());
     let mut scratch = Scratch::default();
-    a.nodes.iter().any(|node| {
-        b.find(&node.key).is_some_and(|other| {
-            let (known, live) = (&node.features, &b.node(other).features);
+    a.nodes().iter().any(|node| {
+        b.find(node.key()).is_some_and(|other| {
+            let (known, live) = (node.features(), b.node(other).features());
             let Scratch {
                 matching,
                 matches,
@@ -58,5 +58,5 @@ pub fn stranger_among(cfg: &LearnConfig, maps: &[&Snapshot]) -> Option<usize> {
 }
 
 fn visits_in(map: &Snapshot) -> impl Iterator<Item = VisitId> + '_ {
-    (map.nodes.iter()).flat_map(|node| node.visits.iter().map(|visit| visit.id))
+    (map.nodes().iter()).flat_map(|node| node.visits().iter().map(|visit| visit.id))
 }

@@ -45,12 +45,12 @@ pub(super) fn write_log(cfg: &LearnConfig, node: &mut Node) -> Result<()> {
     let mut scratch = MatchScratch::default();
     let mut matches = Vec::new();
     let mut log = HistoryLog::new();
-    for visit in &node.visits {
-        let mut seen = BitRow::zeros(node.features.len());
+    for visit in node.visits() {
+        let mut seen = BitRow::zeros(node.features().len());
         if let Some(live) = &visit.appearance {
             matcher.matches_into(
                 &mut scratch,
-                node.features.view(),
+                node.features().view(),
                 live.view(),
                 &mut matches,
             );
@@ -60,6 +60,5 @@ pub(super) fn write_log(cfg: &LearnConfig, node: &mut Node) -> Result<()> {
         }
         log.push_visit(visit.time, seen, None)?;
     }
-    node.log = log;
-    Ok(())
+    node.set_log(log)
 }

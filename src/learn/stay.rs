@@ -86,7 +86,7 @@ impl Stays {
         if self.gap_us == 0 {
             return Part::Visit;
         }
-        let times = node.map_or(&[][..], |node| node.log.times());
+        let times = node.map_or(&[][..], |node| node.log().times());
         let us = time.as_us();
         let is_near = |from: Time, to: Time| {
             (from.as_us() - self.gap_us < us) && (us < to.as_us() + self.gap_us)

@@ -7,7 +7,10 @@ use fremen::time::Time;
 use fremen::visibility::BitRow;
 
 /// One image of a known place.
+///
+/// More may be said of an image one day, so others make one by [`new`](Self::new).
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Observation<'a> {
     /// Where it was taken.
     pub place: PlaceKey,
@@ -23,6 +26,42 @@ pub struct Observation<'a> {
     pub mask: Option<&'a GrayImage>,
     /// Where the image came from, for people.
     pub source: String,
+}
+
+impl<'a> Observation<'a> {
+    /// An image of `image_size` (width, height; px) that shows these features, strongest first:
+    /// without a mask, from nowhere in particular.
+    pub fn new(
+        place: PlaceKey,
+        session: SessionId,
+        time: Time,
+        features: &'a Features,
+        image_size: (u32, u32),
+    ) -> Self {
+        Self {
+            place,
+            session,
+            time,
+            features,
+            image_size,
+            mask: None,
+            source: String::new(),
+        }
+    }
+
+    /// Where something could be observed: zero where nothing could; of the image's size.
+    #[must_use]
+    pub fn with_mask(mut self, mask: &'a GrayImage) -> Self {
+        self.mask = Some(mask);
+        self
+    }
+
+    /// Where the image came from, for people.
+    #[must_use]
+    pub fn with_source(mut self, source: impl Into<String>) -> Self {
+        self.source = source.into();
+        self
+    }
 }
 
 /// What a visit changed.

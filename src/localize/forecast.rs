@@ -147,7 +147,7 @@ impl Forecast {
                 let id = NodeId(node as u32);
                 (self.ids).extend_from_slice(predicted.features());
                 (self.probabilities).extend_from_slice(predicted.probabilities());
-                (self.features).append(&map.snapshot.node(id).features, predicted.features());
+                (self.features).append(map.snapshot.node(id).features(), predicted.features());
                 if let Some(calibration) = calibration {
                     let expectation = &mut self.expectations[index];
                     expectation.expect_predicted(calibration, id, predicted, references);

@@ -47,8 +47,8 @@ use super::localizer::Localizer;
 use super::plan::{Plan, PlannedMap};
 use crate::feature::{Descriptor, Features, Keypoint, Rect};
 use crate::map::{
-    AppearanceUse, Edge, Map, MapMeta, MappedFile, Node, PlaceKey, SessionId, Snapshot, Stamp,
-    Visit, VisitId,
+    AppearanceUse, Edge, Map, MapMeta, MappedFile, Node, NodeParts, PlaceKey, SessionId, Snapshot,
+    SnapshotParts, Stamp, Visit, VisitId,
 };
 use crate::matching::BinaryWords;
 use crate::predict::ReferenceVisits;
@@ -238,7 +238,7 @@ impl Localizer {
         });
         file.write_all(&[0; HEAD_BYTES]).map_err(io)?;
         let mut end = HEAD_BYTES as u64;
-        let places: Vec<_> = self.snapshot().nodes.iter().zip(kept).collect();
+        let places: Vec<_> = self.snapshot().nodes().iter().zip(kept).collect();
         let mut blocks = Vec::new();
         for wave in places.chunks(PLACES_PER_BLOCK * BLOCKS_PER_WAVE) {
             let wave: Option<Vec<(usize, Vec<u8>)>> = (wave.par_chunks(PLACES_PER_BLOCK))
@@ -281,17 +281,17 @@ impl Localizer {
             crop,
             preset,
             zone,
-        } = self.snapshot().meta.clone();
+        } = self.snapshot().meta().clone();
         Contents {
-            generation: self.snapshot().generation,
+            generation: self.snapshot().generation(),
             uuid: format!("{uuid:032x}"),
             extractor,
             image_size,
             crop,
             preset,
             zone,
-            edges: self.snapshot().edges.clone(),
-            attachments: (self.snapshot().attachments.iter())
+            edges: self.snapshot().edges().to_vec(),
+            attachments: (self.snapshot().attachments().iter())
                 .map(|(name, bytes)| (name.clone(), BASE64.encode(bytes)))
                 .collect(),
             calibration: self.calibration.as_deref().cloned(),
@@ -458,7 +458,7 @@ fn parse(file: &[u8], fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Optio
         nodes.push(Arc::new(node));
         plans.push(Arc::new(plan));
     }
-    let snapshot = Snapshot {
+    let snapshot = Snapshot::from_sound_places(SnapshotParts {
         generation: contents.generation,
         meta,
         nodes,
@@ -466,7 +466,8 @@ fn parse(file: &[u8], fingerprint: &Fingerprint, cfg: &LocalizerConfig) -> Optio
         attachments: (contents.attachments.into_iter())
             .map(|(name, text)| Some((name, BASE64.decode(text).ok()?.into())))
             .collect::<Option<_>>()?,
-    };
+    });
+    let snapshot = snapshot.ok()?;
     let calibration = contents.calibration;
     let fits = !plans.is_empty()
         && calibration.is_some() == cfg.calibrated()
@@ -528,26 +529,26 @@ fn put_features(bytes: &mut Vec<u8>, features: &Features) {
 
 /// `None` if the model has no form in bytes.
 fn put_place(bytes: &mut Vec<u8>, node: &Node, kept: &Kept<'_>) -> Option<()> {
-    put_text(bytes, node.key.as_str());
-    bytes.push(u8::from(node.pose.is_some()));
-    for metres in node.pose.iter().flatten() {
+    put_text(bytes, node.key().as_str());
+    bytes.push(u8::from(node.pose().is_some()));
+    for metres in node.pose().iter().flatten() {
         bytes.extend_from_slice(&metres.to_le_bytes());
     }
-    put_features(bytes, &node.features);
-    put_count(bytes, node.visits.len());
-    for (index, visit) in node.visits.iter().enumerate() {
+    put_features(bytes, node.features());
+    put_count(bytes, node.visits().len());
+    for (index, visit) in node.visits().iter().enumerate() {
         bytes.extend_from_slice(&visit.id.0.to_le_bytes());
         bytes.extend_from_slice(&visit.session.0.to_le_bytes());
         bytes.extend_from_slice(&visit.time.as_us().to_le_bytes());
         put_text(bytes, &visit.source);
         bytes.push(u8::from(visit.appearance_use == AppearanceUse::Experience));
-        put_row(bytes, node.log.seen_row(index));
-        let hidden = node.log.hidden_row(index);
+        put_row(bytes, node.log().seen_row(index));
+        let hidden = node.log().hidden_row(index);
         bytes.push(u8::from(hidden.is_some()));
         if let Some(hidden) = hidden {
             put_row(bytes, hidden);
         }
-        put_row(bytes, node.experience_log.seen_row(index));
+        put_row(bytes, node.experience_log().seen_row(index));
         let appearance = (visit.appearance.as_ref()).filter(|_| matches!(kept, Kept::Appearances));
         bytes.push(u8::from(appearance.is_some()));
         if let Some(appearance) = appearance {
@@ -633,22 +634,20 @@ impl<'a> Reader<'a> {
     }
 
     fn place(&mut self, cfg: &LocalizerConfig, zone: Option<&Zone>) -> Option<(Node, Plan)> {
-        let mut node = Node::new(PlaceKey::new(self.text()?).ok()?);
+        let mut parts = Node::new(PlaceKey::new(self.text()?).ok()?).into_parts();
         if self.u8()? != 0 {
-            node.pose = Some(self.f64s(3)?.try_into().ok()?);
+            parts.pose = Some(self.f64s(3)?.try_into().ok()?);
         }
-        node.features = self.features()?;
+        parts.features = self.features()?;
         let num_visits = self.count()?;
         for _ in 0..num_visits {
-            self.visit_into(&mut node)?;
+            self.visit_into(&mut parts)?;
         }
-        if node.log.num_features() != node.features.len() {
-            return None;
-        }
+        let node = Node::from_parts(parts).ok()?;
         let plan = if cfg.method().predicts() {
             Plan::Predicted {
-                model: self.model(node.features.len())?,
-                references: ReferenceVisits::of(&node.log, Visits::All).ok()?,
+                model: self.model(node.features().len())?,
+                references: ReferenceVisits::of(node.log(), Visits::All).ok()?,
             }
         } else {
             Plan::of(&node, cfg, zone).ok()?
@@ -656,7 +655,7 @@ impl<'a> Reader<'a> {
         Some((node, plan))
     }
 
-    fn visit_into(&mut self, node: &mut Node) -> Option<()> {
+    fn visit_into(&mut self, node: &mut NodeParts) -> Option<()> {
         let id = VisitId(u128::from_le_bytes(self.array()?));
         let session = SessionId(u128::from_le_bytes(self.array()?));
         let time = Time::from_us(i64::from_le_bytes(self.array()?));

@@ -75,9 +75,9 @@ impl Localizer {
     /// Fails as [`new`](Self::new) does.
     pub fn with_snapshot(&self, snapshot: Arc<Snapshot>) -> Result<Self> {
         let older = &self.map;
-        let is_same: Vec<bool> = (snapshot.nodes.par_iter().enumerate())
+        let is_same: Vec<bool> = (snapshot.nodes().par_iter().enumerate())
             .map(|(index, node)| {
-                let old = older.snapshot.nodes.get(index);
+                let old = older.snapshot.nodes().get(index);
                 old.is_some_and(|old| Arc::ptr_eq(old, node) || old == node)
             })
             .collect();
@@ -148,7 +148,7 @@ impl Localizer {
     ///
     /// Those of fitting.
     pub fn cautious_model(&self, node: NodeId) -> Result<Box<dyn VisibilityModel>> {
-        let log = &self.snapshot().node(node).log;
+        let log = self.snapshot().node(node).log();
         visibility::in_zone(self.map.zone.as_ref(), log, |log| {
             visibility::fit_cautious(log, self.cfg().visibility(), Visits::All)
         })
@@ -534,8 +534,8 @@ impl Localizer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::feature::{Descriptor, Keypoint};
-    use crate::map::{MapMeta, Node, PlaceKey};
+    use crate::feature::{Descriptor, Features, Keypoint};
+    use crate::map::{AppearanceUse, MapMeta, Node, PlaceKey, SessionId, Visit, VisitId};
     use fremen::visibility::BitRow;
 
     #[test]
@@ -547,14 +547,21 @@ mod tests {
             size: 3.0,
             response: 4.0,
         };
-        node.features.push(keypoint, Descriptor::default());
+        let mut born = Features::new();
+        born.push(keypoint, Descriptor::default());
         let mut seen = BitRow::zeros(1);
         seen.set(0);
-        node.log
-            .push_visit(Time::default(), seen, None)
-            .expect("fits");
+        let visit = Visit {
+            id: VisitId::default(),
+            session: SessionId::default(),
+            time: Time::default(),
+            source: String::new(),
+            appearance: None,
+            appearance_use: AppearanceUse::Recognised,
+        };
+        (node.push_visit(visit, &born, seen, None, BitRow::zeros(0))).expect("fits");
         let mut snapshot = Snapshot::empty(MapMeta::new(1, "none", "default"));
-        snapshot.nodes.push(Arc::new(node));
+        snapshot.push_node(node).expect("the first");
         let snapshot = Arc::new(snapshot);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         let pool = pool.expect("a thread");

@@ -248,12 +248,12 @@ impl EdgeMotion {
     ///
     /// Fails with [`ErrorKind::Config`] where a number of `cfg` is no probability.
     pub fn new(snapshot: &Snapshot, cfg: &MotionConfig) -> Result<Self> {
-        if snapshot.edges.is_empty() {
-            return Self::along(&Neighbours::of(snapshot), snapshot.nodes.len(), cfg);
+        if snapshot.edges().is_empty() {
+            return Self::along(&Neighbours::of(snapshot), snapshot.nodes().len(), cfg);
         }
-        let ends = (snapshot.edges.iter())
+        let ends = (snapshot.edges().iter())
             .filter_map(|edge| Some((snapshot.find(&edge.from)?.0, snapshot.find(&edge.to)?.0)));
-        Self::over(snapshot.nodes.len(), ends, cfg)
+        Self::over(snapshot.nodes().len(), ends, cfg)
     }
 
     /// Along the ways that the robot took when it learnt a map of so many places.

@@ -48,9 +48,9 @@ pub(super) struct Stop {
 /// again.
 pub(super) fn runs(snapshot: &Snapshot) -> Vec<Vec<Stop>> {
     let mut stops: Vec<Stop> = (0..)
-        .zip(&snapshot.nodes)
+        .zip(snapshot.nodes())
         .flat_map(|(node, place)| {
-            let visits = (0..).zip(&place.visits);
+            let visits = (0..).zip(place.visits());
             visits.map(move |(visit, it)| Stop {
                 time: it.time,
                 node,
@@ -61,7 +61,7 @@ pub(super) fn runs(snapshot: &Snapshot) -> Vec<Vec<Stop>> {
     stops.sort_unstable();
     let mut runs: Vec<Vec<Stop>> = Vec::new();
     // The run that each place was last seen in, and where.
-    let mut last_run = vec![usize::MAX; snapshot.nodes.len()];
+    let mut last_run = vec![usize::MAX; snapshot.nodes().len()];
     for stop in stops {
         let is_new = match runs.last().and_then(|run| run.last()) {
             None => true,
@@ -84,14 +84,14 @@ pub(super) fn runs(snapshot: &Snapshot) -> Vec<Vec<Stop>> {
 impl Neighbours {
     /// Of a map; nothing is known of the reach yet.
     pub(super) fn of(snapshot: &Snapshot) -> Self {
-        let mut links = vec![BTreeSet::new(); snapshot.nodes.len()];
+        let mut links = vec![BTreeSet::new(); snapshot.nodes().len()];
         let mut link = |a: u32, b: u32| {
             if a != b {
                 links[a as usize].insert(b);
                 links[b as usize].insert(a);
             }
         };
-        let edges = (snapshot.edges.iter())
+        let edges = (snapshot.edges().iter())
             .filter_map(|edge| Some((snapshot.find(&edge.from)?.0, snapshot.find(&edge.to)?.0)));
         edges.for_each(|(from, to)| link(from, to));
         let beside = links.clone();
@@ -203,9 +203,8 @@ fn steps(run: &[Stop]) -> impl Iterator<Item = (Stop, Stop)> + '_ {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
+    use crate::feature::Features;
     use crate::map::{AppearanceUse, MapMeta, Node, PlaceKey, SessionId, Visit, VisitId};
     use fremen::visibility::BitRow;
 
@@ -217,17 +216,18 @@ mod tests {
             let mut node = Node::new(key);
             for &s in *times {
                 let row = BitRow::zeros(0);
-                (node.log.push_visit(Time::from_s(s), row, None)).expect("fits");
-                node.visits.push(Visit {
+                let visit = Visit {
                     id: VisitId(0),
                     session: SessionId::derive("walk"),
                     time: Time::from_s(s),
                     source: String::new(),
                     appearance: None,
                     appearance_use: AppearanceUse::Experience,
-                });
+                };
+                let located_by = node.unlocated(visit.appearance_use);
+                (node.push_visit(visit, &Features::new(), row, None, located_by)).expect("fits");
             }
-            snapshot.nodes.push(Arc::new(node));
+            snapshot.push_node(node).expect("another key");
         }
         snapshot
     }

@@ -62,8 +62,8 @@ impl PlannedMap {
     /// Fits the model of every place, on the threads of the caller's rayon pool.
     pub(super) fn new(snapshot: Arc<Snapshot>, cfg: LocalizerConfig) -> Result<Self> {
         cfg.check()?;
-        let zone = snapshot.meta.civil_zone()?;
-        let plans = (snapshot.nodes.par_iter())
+        let zone = snapshot.meta().civil_zone()?;
+        let plans = (snapshot.nodes().par_iter())
             .map(|node| Plan::of(node, &cfg, zone.as_ref()).map(Arc::new))
             .collect::<Result<_>>()?;
         Self::from_plans(snapshot, cfg, zone, plans)
@@ -116,9 +116,9 @@ impl PlannedMap {
     /// The same for a newer snapshot of the map; `is_same` says which of its places have not
     /// changed and keep their plans.
     pub(super) fn with_snapshot(&self, snapshot: Arc<Snapshot>, is_same: &[bool]) -> Result<Self> {
-        let zone = snapshot.meta.civil_zone()?;
+        let zone = snapshot.meta().civil_zone()?;
         let are_clocks_same = zone == self.zone;
-        let plans = (snapshot.nodes.par_iter().zip(is_same).enumerate())
+        let plans = (snapshot.nodes().par_iter().zip(is_same).enumerate())
             .map(|(index, (node, &is_same))| {
                 if is_same && are_clocks_same {
                     Ok(Arc::clone(&self.plans[index]))
@@ -133,7 +133,7 @@ impl PlannedMap {
     /// The time that is predicted for, if the query fits the map: the middle of its bucket, or the
     /// epoch for methods that do without.
     pub(super) fn check(&self, query: &Query<'_>) -> Result<Time> {
-        if let (Some(live), Some(map)) = (query.image_size, self.snapshot.meta.image_size)
+        if let (Some(live), Some(map)) = (query.image_size, self.snapshot.meta().image_size)
             && live != map
         {
             return Err(Error::new(
@@ -187,7 +187,7 @@ impl PlannedMap {
 
     /// At most the `size` strongest features of an appearance.
     pub(super) fn appearance(&self, id: NodeId, visit: u32, size: usize) -> FeaturesView<'_> {
-        let appearance = &self.snapshot.node(id).visits[visit as usize].appearance;
+        let appearance = &self.snapshot.node(id).visits()[visit as usize].appearance;
         appearance
             .as_ref()
             .map_or(FeaturesView::EMPTY, |features| features.view().prefix(size))
@@ -210,7 +210,7 @@ impl Plan {
         };
         let kept = |only: Option<AppearanceUse>| {
             (0..)
-                .zip(&node.visits)
+                .zip(node.visits())
                 .filter(|(_, visit)| {
                     visit.appearance.is_some()
                         && only.is_none_or(|only| visit.appearance_use == only)
@@ -220,8 +220,8 @@ impl Plan {
         };
         Ok(match cfg.method() {
             Method::Static | Method::Fremen | Method::Fused => Self::Predicted {
-                model: fit(&cfg.model(), &node.log)?,
-                references: ReferenceVisits::of(&node.log, Visits::All)?,
+                model: fit(&cfg.model(), node.log())?,
+                references: ReferenceVisits::of(node.log(), Visits::All)?,
             },
             Method::ExperienceAll => Self::Appearances {
                 visits: kept(None),
@@ -234,14 +234,14 @@ impl Plan {
             Method::Freex => Self::Appearances {
                 // Also those whose appearance is lost: the log counts them, and they match nothing.
                 visits: (0..)
-                    .zip(&node.visits)
+                    .zip(node.visits())
                     .filter(|(_, visit)| visit.appearance_use == AppearanceUse::Experience)
                     .map(|(index, _)| index)
                     .collect(),
                 likely: Some(Likely {
-                    model: fit(cfg.visibility(), &node.experience_log)?,
+                    model: fit(cfg.visibility(), node.experience_log())?,
                     means: {
-                        let model = fit(&VisibilityConfig::mean(), &node.experience_log)?;
+                        let model = fit(&VisibilityConfig::mean(), node.experience_log())?;
                         let mut means = vec![0.0; model.num_features()];
                         model.predict_into(Time::default(), &mut means);
                         means
@@ -291,10 +291,10 @@ impl Plan {
     ) -> Result<Self> {
         Ok(match self {
             Self::Predicted { .. } => Self::Predicted {
-                model: visibility::in_zone(zone, &node.log, |log| {
+                model: visibility::in_zone(zone, node.log(), |log| {
                     visibility::fit(log, &cfg.model(), Visits::Only(rest))
                 })?,
-                references: ReferenceVisits::of(&node.log, Visits::Only(rest))?,
+                references: ReferenceVisits::of(node.log(), Visits::Only(rest))?,
             },
             // Which appearances are likely is not learnt again.
             Self::Appearances { visits, .. } => Self::Appearances {

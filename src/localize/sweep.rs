@@ -147,7 +147,7 @@ impl Localizer {
                 plan @ Plan::Appearances { .. } => {
                     plan.visits_into(time, &mut scratch.likely, &mut scratch.visits);
                     let known = &mut appearances[id.0 as usize];
-                    known.resize_with(self.snapshot().node(id).visits.len(), Vec::new);
+                    known.resize_with(self.snapshot().node(id).visits().len(), Vec::new);
                     let visits = std::mem::take(&mut scratch.visits);
                     odds.clear();
                     odds.resize(sizes.len(), LogMean::default());
@@ -198,7 +198,7 @@ impl Localizer {
         };
         let part = Selection::at_least_one(top);
         scratch.predicted.predict(model.as_ref(), time, part);
-        let features = &self.snapshot().node(node).features;
+        let features = self.snapshot().node(node).features();
         scratch
             .ranked
             .gather(features, scratch.predicted.features());
@@ -235,7 +235,7 @@ impl Localizer {
             ..
         } = scratch;
         (self.map).choose(predicted, model, references, time, selection);
-        ranked.gather(&self.snapshot().node(id).features, predicted.features());
+        ranked.gather(self.snapshot().node(id).features(), predicted.features());
         if let Some(calibration) = &self.calibration {
             expectation.expect_predicted(calibration, id, predicted, references);
         }

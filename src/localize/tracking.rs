@@ -80,8 +80,8 @@ impl Tracker {
         let snapshot = localizer.snapshot();
         let motion = match localizer.calibration() {
             // The calibration has found the ways already.
-            Some(known) if snapshot.edges.is_empty() => {
-                EdgeMotion::along(&known.neighbours, snapshot.nodes.len(), &cfg)?
+            Some(known) if snapshot.edges().is_empty() => {
+                EdgeMotion::along(&known.neighbours, snapshot.nodes().len(), &cfg)?
             }
             _ => EdgeMotion::new(snapshot, &cfg)?,
         };

@@ -22,7 +22,7 @@ pub type ContentDigest = [u8; 32];
 /// The chain of a place without visits.
 pub(super) fn first_link(node: &Node) -> ContentDigest {
     let mut sha = labelled("chronotope place 1");
-    put_value(&mut sha, ValueRef::Text(node.key.as_str().as_bytes()));
+    put_value(&mut sha, ValueRef::Text(node.key().as_str().as_bytes()));
     sha.finalize().into()
 }
 
@@ -30,7 +30,7 @@ pub(super) fn first_link(node: &Node) -> ContentDigest {
 pub(super) fn next_link(before: &ContentDigest, node: &Node, visit: usize) -> ContentDigest {
     let mut sha = labelled("chronotope link 1");
     put_value(&mut sha, ValueRef::Blob(before));
-    let it = &node.visits[visit];
+    let it = &node.visits()[visit];
     put_value(&mut sha, ValueRef::Blob(&it.id.0.to_be_bytes()));
     put_value(&mut sha, ValueRef::Blob(&it.session.0.to_be_bytes()));
     put_value(&mut sha, ValueRef::Integer(it.time.as_us()));
@@ -39,21 +39,21 @@ pub(super) fn next_link(before: &ContentDigest, node: &Node, visit: usize) -> Co
         &mut sha,
         ValueRef::Text(it.appearance_use.name().as_bytes()),
     );
-    let seen = node.log.seen_row(visit);
+    let seen = node.log().seen_row(visit);
     put_value(&mut sha, ValueRef::Integer(seen.len() as i64));
     put_value(&mut sha, ValueRef::Blob(&encode_bits(seen)));
-    match node.log.hidden_row(visit) {
+    match node.log().hidden_row(visit) {
         Some(hidden) => put_value(&mut sha, ValueRef::Blob(&encode_bits(hidden))),
         None => put_value(&mut sha, ValueRef::Null),
     }
-    let located_by = node.experience_log.seen_row(visit);
+    let located_by = node.experience_log().seen_row(visit);
     put_value(&mut sha, ValueRef::Blob(&encode_bits(located_by)));
     let born = node.born_at(visit);
     put_features(
         &mut sha,
         Some(FeaturesView {
-            keypoints: &node.features.keypoints()[born.clone()],
-            descriptors: &node.features.descriptors()[born],
+            keypoints: &node.features().keypoints()[born.clone()],
+            descriptors: &node.features().descriptors()[born],
         }),
     );
     put_features(&mut sha, it.appearance.as_deref().map(|it| it.view()));
@@ -62,7 +62,7 @@ pub(super) fn next_link(before: &ContentDigest, node: &Node, visit: usize) -> Co
 
 /// The chain of a place with all its visits.
 pub(super) fn chain(node: &Node) -> ContentDigest {
-    (0..node.visits.len()).fold(first_link(node), |before, visit| {
+    (0..node.visits().len()).fold(first_link(node), |before, visit| {
         next_link(&before, node, visit)
     })
 }
@@ -85,7 +85,7 @@ pub(super) fn of_chains(
     put_value(&mut sha, ValueRef::Integer(chains.len() as i64));
     for (node, chain) in snapshot.nodes.iter().zip(chains) {
         put_value(&mut sha, ValueRef::Blob(chain));
-        for value in pose_values(node.pose) {
+        for value in pose_values(node.pose()) {
             put_value(&mut sha, value);
         }
     }

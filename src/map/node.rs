@@ -1,7 +1,7 @@
 //! What is remembered of one place, and how does that grow without breaking its invariants?
 //!
-//! [`Node::push_visit`] keeps features, visits and logs of a place in step; [`Node::check`] says
-//! whether a store may hold it. What is worth adding is decided by `learn`.
+//! [`Node::push_visit`] keeps features, visits and logs of a place in step, and
+//! [`Node::from_parts`] takes only what is; [`Node::check`] says whether a store may hold it. What is worth adding is decided by `learn`.
 
 use std::ops::Range;
 
@@ -16,23 +16,34 @@ use fremen::visibility::{BitRow, HistoryLog};
 const FEATURE_BYTES: usize = KEYPOINT_BYTES + DESCRIPTOR_BYTES;
 
 /// One place.
+///
+/// Features, visits and logs grow together ([`push_visit`](Self::push_visit)); what comes from
+/// elsewhere is checked as a whole ([`from_parts`](Self::from_parts)).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Node {
-    /// Its name.
+    key: PlaceKey,
+    features: Features,
+    log: HistoryLog,
+    visits: Vec<Visit>,
+    experience_log: HistoryLog,
+    pose: Option<[f64; 3]>,
+}
+
+/// What a [`Node`] is made of, in step or not: [`Node::from_parts`] says which.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NodeParts {
+    /// [`Node::key`].
     pub key: PlaceKey,
-    /// The features of the place, in order of birth; positions are those of the birth visit moved
-    /// by the displacement found there, so that all share the first visit's frame.
+    /// [`Node::features`].
     pub features: Features,
-    /// What was seen when; `log.num_features() == features.len()`.
+    /// [`Node::log`]; `log.num_features() == features.len()`.
     pub log: HistoryLog,
-    /// The visits, in order of arrival; `log.num_visits() == visits.len()` and times agree.
+    /// [`Node::visits`]; `log.num_visits() == visits.len()` and times agree.
     pub visits: Vec<Visit>,
-    /// Which experience of the place would by itself have located which visit. Its "features" are
-    /// the visits with [`AppearanceUse::Experience`], in their order, each born at itself, whether
-    /// or not its appearance was kept; it has a row for every visit, and none of them has hidden
-    /// bits.
+    /// [`Node::experience_log`]; it has a row for every visit, which ends with the last experience
+    /// so far, and hides nothing.
     pub experience_log: HistoryLog,
-    /// Position in metres in a frame of the user's, where known.
+    /// [`Node::pose`], finite.
     pub pose: Option<[f64; 3]>,
 }
 
@@ -46,6 +57,109 @@ impl Node {
             experience_log: HistoryLog::new(),
             visits: Vec::new(),
             pose: None,
+        }
+    }
+
+    /// The place that these parts make; an error that names the place and what is not in step, or
+    /// what a store cannot hold ([`check`](Self::check)). O(visits + keypoints).
+    pub fn from_parts(parts: NodeParts) -> Result<Self> {
+        let NodeParts {
+            key,
+            features,
+            log,
+            visits,
+            experience_log,
+            pose,
+        } = parts;
+        let node = Self {
+            key,
+            features,
+            log,
+            visits,
+            experience_log,
+            pose,
+        };
+        node.check().map(|()| node)
+    }
+
+    /// The inverse of [`from_parts`](Self::from_parts).
+    pub fn into_parts(self) -> NodeParts {
+        NodeParts {
+            key: self.key,
+            features: self.features,
+            log: self.log,
+            visits: self.visits,
+            experience_log: self.experience_log,
+            pose: self.pose,
+        }
+    }
+
+    /// Its name.
+    pub fn key(&self) -> &PlaceKey {
+        &self.key
+    }
+
+    /// The features of the place, in order of birth; positions are those of the birth visit moved
+    /// by the displacement found there, so that all share the first visit's frame.
+    pub fn features(&self) -> &Features {
+        &self.features
+    }
+
+    /// What was seen when: a column for each of [`features`](Self::features), a row for each of
+    /// [`visits`](Self::visits).
+    pub fn log(&self) -> &HistoryLog {
+        &self.log
+    }
+
+    /// The visits, in order of arrival.
+    pub fn visits(&self) -> &[Visit] {
+        &self.visits
+    }
+
+    /// Which experience of the place would by itself have located which visit. Its "features" are
+    /// the visits with [`AppearanceUse::Experience`], in their order, each born at itself, whether
+    /// or not its appearance was kept; it has a row for every visit, and none of them has hidden
+    /// bits.
+    pub fn experience_log(&self) -> &HistoryLog {
+        &self.experience_log
+    }
+
+    /// Position in metres in a frame of the user's, where known.
+    pub fn pose(&self) -> Option<[f64; 3]> {
+        self.pose
+    }
+
+    /// Sets [`pose`](Self::pose); an error if it is not finite, which changes nothing.
+    pub fn set_pose(&mut self, pose: Option<[f64; 3]>) -> Result<()> {
+        check_pose(pose).map_err(|message| self.fault(message))?;
+        self.pose = pose;
+        Ok(())
+    }
+}
+
+/// For the rooms that learn and correct.
+impl Node {
+    /// Gives the place another name. Whoever does it also sees to edges, and that no other place of
+    /// the map has it.
+    pub(crate) fn set_key(&mut self, key: PlaceKey) {
+        self.key = key;
+    }
+
+    /// Puts another log of the same features and visits in the place of [`log`](Self::log).
+    pub(crate) fn set_log(&mut self, log: HistoryLog) -> Result<()> {
+        let before = std::mem::replace(&mut self.log, log);
+        if let Err(message) = self.check_log() {
+            self.log = before;
+            return Err(self.fault(message));
+        }
+        Ok(())
+    }
+
+    /// The place as it was before the first visit.
+    pub(super) fn unvisited(&self) -> Self {
+        Self {
+            pose: self.pose,
+            ..Self::new(self.key.clone())
         }
     }
 }
@@ -153,10 +267,7 @@ impl Node {
             (self.visits[visit].appearance_use == AppearanceUse::Experience)
                 .then(|| self.experience_log.seen_row(visit).len() - 1)
         };
-        let mut node = Self {
-            pose: self.pose,
-            ..Self::new(self.key.clone())
-        };
+        let mut node = self.unvisited();
         let mut experiences: Vec<usize> = Vec::new();
         for (at, &visit) in kept.iter().enumerate() {
             let len = births.partition_point(|&(birth, _)| birth <= at);
@@ -220,34 +331,10 @@ impl Node {
 
     /// Whether features, visits and logs are in step and everything can be stored.
     pub fn check(&self) -> Result<()> {
-        let shape = |message: String| {
-            Err(Error::new(ErrorKind::Shape, message).with_place(format!("place `{}`", self.key)))
-        };
-        let (features, visits) = (self.features.len(), self.visits.len());
-        if self.log.num_features() != features || self.log.num_visits() != visits {
-            return shape(format!(
-                "{features} features and {visits} visits do not pair with a log of {} and {}",
-                self.log.num_features(),
-                self.log.num_visits()
-            ));
-        }
-        if features > MAX_FEATURES {
-            return shape(format!(
-                "{features} features, where a place holds at most {MAX_FEATURES}"
-            ));
-        }
-        if let Some(at) = self
-            .visits
-            .iter()
-            .zip(self.log.times())
-            .position(|(visit, &time)| visit.time != time)
-        {
-            return shape(format!("visit {at} and the log differ in time"));
-        }
+        let shape = |message: String| Err(self.fault(message));
+        self.check_log().or_else(shape)?;
         self.check_experiences().or_else(shape)?;
-        if self.pose.is_some_and(|p| p.iter().any(|x| !x.is_finite())) {
-            return shape("its pose is not finite".into());
-        }
+        check_pose(self.pose).or_else(shape)?;
         if let Some(id) = first_not_finite(&self.features) {
             return shape(format!("keypoint {id} is not finite"));
         }
@@ -271,6 +358,32 @@ impl Node {
             }
         }
         Ok(())
+    }
+
+    fn fault(&self, message: String) -> Error {
+        Error::new(ErrorKind::Shape, message).with_place(format!("place `{}`", self.key))
+    }
+
+    /// Whether the log is in step with features and visits; what is wrong, if not.
+    fn check_log(&self) -> Result<(), String> {
+        let (features, visits) = (self.features.len(), self.visits.len());
+        if self.log.num_features() != features || self.log.num_visits() != visits {
+            return Err(format!(
+                "{features} features and {visits} visits do not pair with a log of {} and {}",
+                self.log.num_features(),
+                self.log.num_visits()
+            ));
+        }
+        if features > MAX_FEATURES {
+            return Err(format!(
+                "{features} features, where a place holds at most {MAX_FEATURES}"
+            ));
+        }
+        let mut times = self.visits.iter().zip(self.log.times());
+        match times.position(|(visit, &time)| visit.time != time) {
+            Some(at) => Err(format!("visit {at} and the log differ in time")),
+            None => Ok(()),
+        }
     }
 
     /// Whether the log of experiences is in step with the visits; what is wrong, if not.
@@ -310,6 +423,13 @@ impl Node {
         }
         Ok(())
     }
+}
+
+fn check_pose(pose: Option<[f64; 3]>) -> Result<(), String> {
+    if pose.is_some_and(|pose| pose.iter().any(|x| !x.is_finite())) {
+        return Err("its pose is not finite".into());
+    }
+    Ok(())
 }
 
 fn first_not_finite(features: &Features) -> Option<usize> {

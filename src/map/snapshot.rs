@@ -7,23 +7,38 @@ use std::sync::Arc;
 
 use super::limits::{MAX_ATTACHMENT_BYTES, MAX_ATTACHMENT_NAME_BYTES, MAX_TEXT_BYTES};
 use super::node::Node;
-use super::types::{AppearanceUse, Edge, MapMeta, NodeId, PlaceKey};
+use super::types::{AppearanceUse, Edge, MapMeta, NodeId, PlaceKey, Visit};
+use crate::feature::Features;
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
+use fremen::visibility::BitRow;
 
 /// One immutable state of a map.
+///
+/// Places have different keys and edges join places of the map: whatever changes a snapshot keeps
+/// to that or is an error. That no visit is in two places is what [`check`](Self::check) looks at.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Snapshot {
-    /// Which commit it is, counted from 0 (empty).
+    // The room reads and writes files of them; the others go through the functions below.
+    pub(super) generation: u64,
+    pub(super) meta: MapMeta,
+    pub(super) nodes: Vec<Arc<Node>>,
+    pub(super) edges: Vec<Edge>,
+    pub(super) attachments: BTreeMap<String, Arc<[u8]>>,
+}
+
+/// What a [`Snapshot`] is made of, sound or not: [`Snapshot::from_parts`] says which.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SnapshotParts {
+    /// [`Snapshot::generation`].
     pub generation: u64,
-    /// What holds for the whole map.
+    /// [`Snapshot::meta`].
     pub meta: MapMeta,
-    /// The places, in order of creation.
+    /// [`Snapshot::nodes`], each with a key of its own.
     pub nodes: Vec<Arc<Node>>,
-    /// The ways between them.
+    /// [`Snapshot::edges`], between these places.
     pub edges: Vec<Edge>,
-    /// What other rooms keep with the map, by a name in kebab case of at most 64 bytes: values of
-    /// at most 16 MiB that this room does not look into. An empty value is the same as none.
+    /// [`Snapshot::attachments`].
     pub attachments: BTreeMap<String, Arc<[u8]>>,
 }
 
@@ -39,11 +54,77 @@ impl Snapshot {
         }
     }
 
+    /// The snapshot that these parts make, if a store may hold it ([`check`](Self::check)).
+    pub fn from_parts(parts: SnapshotParts) -> Result<Self> {
+        let snapshot = Self::of_parts(parts);
+        snapshot.check().map(|()| snapshot)
+    }
+
+    /// [`from_parts`](Self::from_parts) of places that are known to be sound and to share no visit.
+    pub(crate) fn from_sound_places(parts: SnapshotParts) -> Result<Self> {
+        let snapshot = Self::of_parts(parts);
+        snapshot.check_frame().map(|()| snapshot)
+    }
+
+    fn of_parts(parts: SnapshotParts) -> Self {
+        let SnapshotParts {
+            generation,
+            meta,
+            nodes,
+            edges,
+            attachments,
+        } = parts;
+        Self {
+            generation,
+            meta,
+            nodes,
+            edges,
+            attachments,
+        }
+    }
+
+    /// The inverse of [`from_parts`](Self::from_parts).
+    pub fn into_parts(self) -> SnapshotParts {
+        SnapshotParts {
+            generation: self.generation,
+            meta: self.meta,
+            nodes: self.nodes,
+            edges: self.edges,
+            attachments: self.attachments,
+        }
+    }
+
+    /// Which commit it is, counted from 0 (empty).
+    pub fn generation(&self) -> u64 {
+        self.generation
+    }
+
+    /// What holds for the whole map.
+    pub fn meta(&self) -> &MapMeta {
+        &self.meta
+    }
+
+    /// The places, in order of creation; [`NodeId`] is a position among them.
+    pub fn nodes(&self) -> &[Arc<Node>] {
+        &self.nodes
+    }
+
+    /// The ways between places.
+    pub fn edges(&self) -> &[Edge] {
+        &self.edges
+    }
+
+    /// What other rooms keep with the map, by a name in kebab case of at most 64 bytes: values of
+    /// at most 16 MiB that this room does not look into. An empty value is the same as none.
+    pub fn attachments(&self) -> &BTreeMap<String, Arc<[u8]>> {
+        &self.attachments
+    }
+
     /// The node with this key.
     pub fn find(&self, key: &PlaceKey) -> Option<NodeId> {
         self.nodes
             .iter()
-            .position(|node| node.key == *key)
+            .position(|node| node.key() == key)
             .map(|id| NodeId(id as u32))
     }
 
@@ -57,15 +138,23 @@ impl Snapshot {
 }
 
 impl Snapshot {
+    /// Sets [`meta`](Self::meta); an error if it cannot be stored, which changes nothing.
+    pub fn set_meta(&mut self, meta: MapMeta) -> Result<()> {
+        meta.check()?;
+        self.meta = meta;
+        Ok(())
+    }
+
     /// Appends a place; a key that the map has already is an error.
-    pub fn push_node(&mut self, node: Node) -> Result<NodeId> {
-        if self.find(&node.key).is_some() {
+    pub fn push_node(&mut self, node: impl Into<Arc<Node>>) -> Result<NodeId> {
+        let node = node.into();
+        if self.find(node.key()).is_some() {
             return Err(Error::new(
                 ErrorKind::AlreadyExists,
-                format!("the map has a place `{}` already", node.key),
+                format!("the map has a place `{}` already", node.key()),
             ));
         }
-        self.nodes.push(Arc::new(node));
+        self.nodes.push(node);
         Ok(NodeId(self.nodes.len() as u32 - 1))
     }
 
@@ -77,12 +166,49 @@ impl Snapshot {
         })
     }
 
-    /// The node with this id, to be changed; it is copied first if another snapshot shares it.
+    /// Puts another state of a place where that place stands; another key is an error.
     ///
     /// # Panics
     /// If the id is of another snapshot.
-    pub fn node_mut(&mut self, id: NodeId) -> &mut Node {
-        Arc::make_mut(&mut self.nodes[id.0 as usize])
+    pub fn replace_node(&mut self, id: NodeId, node: impl Into<Arc<Node>>) -> Result<()> {
+        let (known, node) = (&mut self.nodes[id.0 as usize], node.into());
+        if known.key() != node.key() {
+            return Err(Error::new(
+                ErrorKind::Config,
+                format!(
+                    "`{}` is no state of the place `{}`",
+                    node.key(),
+                    known.key()
+                ),
+            ));
+        }
+        *known = node;
+        Ok(())
+    }
+
+    /// [`Node::push_visit`] of the place with this id, which is copied first if another snapshot
+    /// shares it.
+    ///
+    /// # Panics
+    /// If the id is of another snapshot.
+    pub fn push_visit(
+        &mut self,
+        id: NodeId,
+        visit: Visit,
+        born: &Features,
+        seen: BitRow,
+        hidden: Option<BitRow>,
+        located_by: BitRow,
+    ) -> Result<()> {
+        (self.node_mut(id)).push_visit(visit, born, seen, hidden, located_by)
+    }
+
+    /// [`Node::set_pose`] of the place with this id.
+    ///
+    /// # Panics
+    /// If the id is of another snapshot.
+    pub fn set_pose(&mut self, id: NodeId, pose: Option<[f64; 3]>) -> Result<()> {
+        self.node_mut(id).set_pose(pose)
     }
 
     /// Appends a way between two places of the map; false if it was there.
@@ -99,6 +225,50 @@ impl Snapshot {
         Ok(is_new)
     }
 
+    /// Keeps the ways of which `keep` is true, in their order.
+    pub fn retain_edges(&mut self, keep: impl FnMut(&Edge) -> bool) {
+        self.edges.retain(keep);
+    }
+
+    /// Keeps `value` with the map under `name`, in place of what was kept under it; an error if it
+    /// is no name or the value is too large ([`attachments`](Self::attachments)).
+    pub fn attach(&mut self, name: &str, value: impl Into<Arc<[u8]>>) -> Result<()> {
+        let value = value.into();
+        check_attachment(name, &value)?;
+        self.attachments.insert(name.to_owned(), value);
+        Ok(())
+    }
+
+    /// Takes away what is kept under `name`.
+    pub fn detach(&mut self, name: &str) -> Option<Arc<[u8]>> {
+        self.attachments.remove(name)
+    }
+}
+
+/// For the rooms that learn and correct: whoever changes something by these keeps it sound.
+impl Snapshot {
+    /// The node with this id, to be changed; it is copied first if another snapshot shares it.
+    ///
+    /// # Panics
+    /// If the id is of another snapshot.
+    pub(crate) fn node_mut(&mut self, id: NodeId) -> &mut Node {
+        Arc::make_mut(&mut self.nodes[id.0 as usize])
+    }
+
+    pub(crate) fn meta_mut(&mut self) -> &mut MapMeta {
+        &mut self.meta
+    }
+
+    pub(crate) fn nodes_mut(&mut self) -> &mut Vec<Arc<Node>> {
+        &mut self.nodes
+    }
+
+    pub(crate) fn edges_mut(&mut self) -> &mut Vec<Edge> {
+        &mut self.edges
+    }
+}
+
+impl Snapshot {
     /// Whether a store may hold it: every place is sound, keys and visits are unique, edges join
     /// places of the map.
     pub fn check(&self) -> Result<()> {
@@ -106,12 +276,12 @@ impl Snapshot {
         let mut visits = HashSet::new();
         for node in &self.nodes {
             node.check()?;
-            if let Some(twice) = node.visits.iter().find(|visit| !visits.insert(visit.id)) {
+            if let Some(twice) = node.visits().iter().find(|visit| !visits.insert(visit.id)) {
                 return Err(Error::new(
                     ErrorKind::AlreadyExists,
                     format!("visit {} is in the map twice", twice.id),
                 )
-                .with_place(format!("place `{}`", node.key)));
+                .with_place(format!("place `{}`", node.key())));
             }
         }
         Ok(())
@@ -127,10 +297,10 @@ impl Snapshot {
             ));
         }
         let mut keys = BTreeSet::new();
-        if let Some(twice) = self.nodes.iter().find(|node| !keys.insert(&node.key)) {
+        if let Some(twice) = self.nodes.iter().find(|node| !keys.insert(node.key())) {
             return Err(Error::new(
                 ErrorKind::AlreadyExists,
-                format!("place `{}` is in the map twice", twice.key),
+                format!("place `{}` is in the map twice", twice.key()),
             ));
         }
         for edge in &self.edges {
@@ -164,14 +334,14 @@ impl Snapshot {
             ..Summary::default()
         };
         for node in &self.nodes {
-            summary.num_visits += node.visits.len();
-            summary.num_features += node.features.len();
+            summary.num_visits += node.visits().len();
+            summary.num_features += node.features().len();
             summary.num_bytes += node.num_bytes();
             if let Some((first, last)) = node.time_span() {
                 summary.first = Some(summary.first.map_or(first, |time| time.min(first)));
                 summary.last = Some(summary.last.map_or(last, |time| time.max(last)));
             }
-            for visit in &node.visits {
+            for visit in node.visits() {
                 sessions.insert(visit.session);
                 if visit.appearance.is_some() {
                     summary.num_appearances += 1;

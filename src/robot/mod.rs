@@ -176,7 +176,7 @@ impl Robot {
                 (localizer, Some(learner))
             }
         };
-        let extractor = ExtractorConfig::from_id(&localizer.snapshot().meta.extractor)
+        let extractor = ExtractorConfig::from_id(&localizer.snapshot().meta().extractor)
             .and_then(|extractor| extractor.build())
             .map_err(|error| error.with_path(path).with_place("extractor"))?;
         let tracker = match cfg.motion {
@@ -293,7 +293,7 @@ impl Robot {
     /// The place of the last image, if that was decided.
     pub fn place(&self) -> Option<&PlaceKey> {
         match self.answer.decision {
-            Decision::At(node) => Some(&self.localizer.snapshot().node(node).key),
+            Decision::At(node) => Some(self.localizer.snapshot().node(node).key()),
             _ => None,
         }
     }
@@ -415,7 +415,7 @@ impl Robot {
     fn note_commit(&mut self, committed: &Committed) {
         self.newer = Some(Arc::clone(&committed.snapshot));
         self.note(Event::Committed {
-            generation: committed.snapshot.generation,
+            generation: committed.snapshot.generation(),
             took: committed.took,
         });
     }
@@ -451,7 +451,7 @@ impl Drop for Robot {
 /// The run that goes on from this state of this map: recorded images that are given to the same map
 /// again give the same visits.
 fn session_after(snapshot: &Snapshot) -> SessionId {
-    let (uuid, generation) = (snapshot.meta.uuid, snapshot.generation);
+    let (uuid, generation) = (snapshot.meta().uuid, snapshot.generation());
     SessionId::derive(&format!("run on {uuid:032x} after {generation}"))
 }
 

@@ -255,10 +255,10 @@ fn is_conflict<T>(stored: &Result<T>) -> bool {
 
 /// Whether a good part of the file is of the past. O(visits).
 fn is_bloated(map: &Map, snapshot: &Snapshot) -> Result<bool> {
-    let of_nodes = (snapshot.nodes.iter())
-        .map(|node| node.num_bytes() + BYTES_PER_VISIT * node.visits.len())
+    let of_nodes = (snapshot.nodes().iter())
+        .map(|node| node.num_bytes() + BYTES_PER_VISIT * node.visits().len())
         .sum::<usize>();
-    let of_attachments: usize = snapshot.attachments.values().map(|it| it.len()).sum();
+    let of_attachments: usize = snapshot.attachments().values().map(|it| it.len()).sum();
     let most = MOST_TIMES_ITS_BYTES * (of_nodes + of_attachments) + SMALL_BYTES;
     let found = std::fs::metadata(map.path()).map_err(|cause| Error::io(map.path(), cause))?;
     Ok(found.len() > most as u64)
@@ -318,7 +318,7 @@ mod tests {
             num_prunes += usize::from(num_generations < num_before);
             num_before = num_generations;
             let learnt = learner.snapshot()?;
-            assert_eq!(learner.map().snapshot().nodes, learnt.nodes);
+            assert_eq!(learner.map().snapshot().nodes(), learnt.nodes());
             let found = std::fs::metadata(&path).map_or(0, |it| it.len());
             assert!(found < 3 * SMALL_BYTES as u64, "{found} bytes at {number}");
         }

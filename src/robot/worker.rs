@@ -194,7 +194,7 @@ impl Pupil {
     fn commit(&mut self) -> Result<()> {
         let committed = self.learner.commit()?;
         self.report(Event::Committed {
-            generation: committed.snapshot.generation,
+            generation: committed.snapshot.generation(),
             took: committed.took,
         });
         let newer = self.localizer.with_snapshot(committed.snapshot)?;

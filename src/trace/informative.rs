@@ -12,7 +12,7 @@ use fremen::visibility::FeatureState;
 /// than `num` histories of places that do not swing.
 pub fn most_informative(localizer: &Localizer, num: usize) -> Vec<(NodeId, usize)> {
     let snapshot = localizer.snapshot();
-    let nodes = (0..snapshot.nodes.len() as u32).map(NodeId);
+    let nodes = (0..snapshot.nodes().len() as u32).map(NodeId);
     let (mut swinging, mut still) = (Vec::new(), Vec::new());
     for id in nodes {
         let Some(model) = localizer.model(id) else {
@@ -49,11 +49,11 @@ pub fn most_informative(localizer: &Localizer, num: usize) -> Vec<(NodeId, usize
 /// The feature of a place whose history is split most evenly: with a visits at which it was seen
 /// and b at which it was not, a b / (a + b) is the largest. O(features x visits).
 fn most_split(node: &Node) -> Option<(f64, usize)> {
-    (0..node.features.len())
+    (0..node.features().len())
         .map(|feature| {
             let (mut seen, mut missed) = (0.0, 0.0);
-            for visit in node.log.birth(feature)..node.log.num_visits() {
-                match node.log.state(visit, feature) {
+            for visit in node.log().birth(feature)..node.log().num_visits() {
+                match node.log().state(visit, feature) {
                     Some(FeatureState::Seen) => seen += 1.0,
                     Some(FeatureState::NotSeen) => missed += 1.0,
                     Some(FeatureState::NotObservable) | None => {}

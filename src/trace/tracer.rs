@@ -139,12 +139,16 @@ impl Tracer {
             time: shot.time.map(|time| time.to_string()),
             time_source: shot.time_source.map(Into::into),
             truth: shot.truth.cloned(),
-            map_uuid: format!("{:032x}", snapshot.meta.uuid),
-            map_generation: snapshot.generation,
+            map_uuid: format!("{:032x}", snapshot.meta().uuid),
+            map_generation: snapshot.generation(),
             method: cfg.method().name().into(),
             score: cfg.score().name().into(),
             selection: cfg.selection(),
-            places: snapshot.nodes.iter().map(|node| node.key.clone()).collect(),
+            places: snapshot
+                .nodes()
+                .iter()
+                .map(|node| node.key().clone())
+                .collect(),
             live: points(shot.live.keypoints()),
             predicted: (answer.ranking.iter())
                 .take(self.cfg.num_candidates)
@@ -179,14 +183,14 @@ impl Tracer {
             features: shown,
         });
         Some(MapSummary {
-            places: (snapshot.nodes.iter())
+            places: (snapshot.nodes().iter())
                 .map(|node| PlaceSummary {
-                    pose: node.pose,
-                    num_visits: node.visits.len(),
-                    num_features: node.features.len(),
+                    pose: node.pose(),
+                    num_visits: node.visits().len(),
+                    num_features: node.features().len(),
                 })
                 .collect(),
-            edges: snapshot.edges.clone(),
+            edges: snapshot.edges().to_vec(),
             latest_session: latest_session(snapshot),
             curves,
         })
@@ -206,12 +210,12 @@ impl Tracer {
 fn predicted(localizer: &Localizer, candidate: &Candidate) -> Vec<TracePoint> {
     let node = localizer.snapshot().node(candidate.node);
     let Some(visit) = candidate.appearance else {
-        let keypoints = node.features.keypoints();
+        let keypoints = node.features().keypoints();
         return (candidate.predicted.iter())
             .map(|&id| point(&keypoints[id as usize]))
             .collect();
     };
-    let appearance = &node.visits[visit as usize].appearance;
+    let appearance = &node.visits()[visit as usize].appearance;
     (appearance.as_ref()).map_or_else(Vec::new, |features| {
         points(features.view().prefix(localizer.largest_size()).keypoints)
     })
@@ -226,9 +230,9 @@ fn curve(
     now: Option<Time>,
 ) -> CurveSummary {
     let node = snapshot.node(id);
-    let times = node.log.times();
+    let times = node.log().times();
     let seen: Vec<Option<bool>> = (0..times.len())
-        .map(|visit| match node.log.state(visit, feature) {
+        .map(|visit| match node.log().state(visit, feature) {
             Some(FeatureState::Seen) => Some(true),
             Some(FeatureState::NotSeen) => Some(false),
             Some(FeatureState::NotObservable) | None => None,
@@ -253,7 +257,7 @@ fn curve(
     CurveSummary {
         node: id,
         feature,
-        point: point(&node.features.keypoints()[feature]),
+        point: point(&node.features().keypoints()[feature]),
         period_s: components.first().map(|component| component.period_s),
         visit_times_us: times.iter().map(|time| time.as_us()).collect(),
         p: (times_us.iter())
@@ -267,26 +271,26 @@ fn curve(
 
 /// The session with the latest visit, and what it changed.
 fn latest_session(snapshot: &Snapshot) -> Option<SessionSummary> {
-    let visits = || snapshot.nodes.iter().flat_map(|node| &node.visits);
+    let visits = || snapshot.nodes().iter().flat_map(|node| node.visits());
     let latest = visits().max_by_key(|visit| (visit.time, visit.id))?.session;
     let of_it = || visits().filter(|visit| visit.session == latest);
     let is_of_it =
-        |node: &Node, index: usize| (node.visits.get(index)).is_some_and(|v| v.session == latest);
+        |node: &Node, index: usize| (node.visits().get(index)).is_some_and(|v| v.session == latest);
     Some(SessionSummary {
         id: latest.to_string(),
         first: of_it().map(|visit| visit.time).min()?.to_string(),
         last: of_it().map(|visit| visit.time).max()?.to_string(),
         num_visits: of_it().count(),
-        num_born: (snapshot.nodes.iter())
+        num_born: (snapshot.nodes().iter())
             .map(|node| {
-                (0..node.log.num_features())
-                    .filter(|&feature| is_of_it(node, node.log.birth(feature)))
+                (0..node.log().num_features())
+                    .filter(|&feature| is_of_it(node, node.log().birth(feature)))
                     .count()
             })
             .sum(),
-        new_places: (snapshot.nodes.iter())
+        new_places: (snapshot.nodes().iter())
             .filter(|node| is_of_it(node, 0))
-            .map(|node| node.key.clone())
+            .map(|node| node.key().clone())
             .collect(),
     })
 }

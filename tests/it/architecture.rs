@@ -254,6 +254,26 @@ fn tests_on_real_data_say_so_in_their_names() {
     );
 }
 
+/// Whoever could write to their fields could put logs out of step with visits.
+#[test]
+fn what_must_be_in_step_stands_in_no_public_field() {
+    let sources = rust_files("src/map");
+    for name in ["Node", "Snapshot"] {
+        let head = format!("pub struct {name} {{");
+        let mut fields = sources.iter().filter_map(|(_, source)| {
+            let code = blank(source);
+            let open = code.find(&head)? + head.len() - 1;
+            Some(code[open + 1..matching_brace(&code, open)].to_owned())
+        });
+        let found = fields.next().unwrap();
+        assert!(found.contains(": "), "{name} has fields");
+        assert!(
+            words(&found.replace("pub(super)", "")).all(|word| word != "pub"),
+            "{name} has a field that others can write to: {found}"
+        );
+    }
+}
+
 /// Else the evaluation with its feature `dashboard` would build rerun a second time (minutes).
 #[test]
 fn both_lock_files_name_the_same_versions() {

@@ -56,7 +56,7 @@ fn the_golden_map_comes_back_with_its_digest_and_a_folder_is_never_overwritten()
     let (golden, path) = golden(folder.path());
     let back = Snapshot::import(&path).expect("sound");
     assert_eq!(back.digest(), golden.digest());
-    assert_eq!(back.nodes, golden.nodes);
+    assert_eq!(back.nodes(), golden.nodes());
     // Whatever the format, the same content gives the same bytes.
     let again = folder.path().join("again");
     let of_format_3 = Map::open_read_only(fixture("maps/golden/format-3.map")).expect("a map");

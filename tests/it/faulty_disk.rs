@@ -25,7 +25,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use chronotope::map::{Map, Snapshot};
 use rusqlite::ffi;
 
-use crate::map::{after_commits, folder, meta, start_again};
+use crate::map::{after_commits, folder, meta, of_generation, start_again};
 
 /// What goes wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -270,22 +270,21 @@ fn disarm() -> bool {
 
 /// The snapshot that [`after_commits`] gives after the commits that `found` has.
 fn expected(start: &Snapshot, found: &Snapshot) -> Snapshot {
-    let mut expected = after_commits(start, start.generation, found.generation);
-    expected.generation = found.generation;
-    expected
+    let expected = after_commits(start, start.generation(), found.generation());
+    of_generation(expected, found.generation())
 }
 
 /// What the map at `path` holds, which must be whole and have at least generation `acknowledged`.
 fn reopened(path: &Path, start: &Snapshot, acknowledged: u64, what: &str) -> u64 {
     let map = Map::open(path).unwrap_or_else(|error| panic!("{what}: {error}"));
     let found = map.snapshot();
-    let generation = found.generation;
+    let generation = found.generation();
     assert!(
         (acknowledged..=acknowledged + 1).contains(&generation),
         "{what}: {acknowledged} was acknowledged, {generation} is found"
     );
     assert_eq!(*found, expected(start, &found), "{what}");
-    let next = after_commits(start, start.generation, generation + 1);
+    let next = after_commits(start, start.generation(), generation + 1);
     assert_eq!(
         map.commit(&next).expect("sound again"),
         generation + 1,
@@ -341,10 +340,10 @@ fn fail_in_turn(path: &Path) {
                 let what = format!("{fault:?} after {num_good}, goes on: {goes_on}");
                 let map = Map::open(path).expect("sound");
                 arm(fault, num_good, goes_on);
-                let mut acknowledged = start.generation;
-                for generation in [start.generation + 1, start.generation + 2] {
+                let mut acknowledged = start.generation();
+                for generation in [start.generation() + 1, start.generation() + 2] {
                     let before = map.snapshot();
-                    let next = after_commits(&start, start.generation, generation);
+                    let next = after_commits(&start, start.generation(), generation);
                     match map.commit(&next) {
                         Ok(stored) => acknowledged = stored,
                         Err(error) => {
@@ -393,7 +392,7 @@ fn a_torn_write_or_a_power_cut_loses_nothing() {
             let name = "faulty_disk::a_torn_write_or_a_power_cut_loses_nothing";
             let (mut child, lines) = start_again(name, FILE, Path::new(OsStr::from_bytes(&order)));
             let said = lines.filter_map(|line| line.strip_prefix("committed ")?.parse().ok());
-            let acknowledged = said.last().unwrap_or(start.generation);
+            let acknowledged = said.last().unwrap_or(start.generation());
             let status = child.wait().expect("ours");
             if fault == Fault::PowerGoes {
                 for name in ["a.map", "a.map-journal"] {
@@ -438,7 +437,7 @@ fn commit_until_it_stops(num_good: u32, path: &Path) {
     arm(fault, num_good, false);
     for _ in 0..2 {
         let now = map.snapshot();
-        let next = after_commits(&now, now.generation, now.generation + 1);
+        let next = after_commits(&now, now.generation(), now.generation() + 1);
         let generation = map.commit(&next).expect("it stops or it is well");
         writeln!(std::io::stdout(), "committed {generation}").expect("heard");
     }

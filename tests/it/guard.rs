@@ -20,7 +20,7 @@ const NUM_PLACES: usize = 4;
 fn world() -> &'static World {
     static WORLD: OnceLock<World> = OnceLock::new();
     WORLD.get_or_init(|| {
-        World::new(&WorldConfig::new(1100).num_places(NUM_PLACES)).expect("a valid world")
+        World::new(&WorldConfig::new(1100).with_num_places(NUM_PLACES)).expect("a valid world")
     })
 }
 
@@ -63,15 +63,14 @@ fn observe_as(
     it: &Seen,
     is_labelled: bool,
 ) -> chronotope::Result<Learnt> {
-    let observation = Observation {
-        place: world().places()[it.place].clone(),
-        session: SessionId::derive(session),
-        time: it.time,
-        features: &it.features,
-        image_size: it.image.size(),
-        mask: None,
-        source: format!("{session} {} {}", it.place, it.time),
-    };
+    let observation = Observation::new(
+        world().places()[it.place].clone(),
+        SessionId::derive(session),
+        it.time,
+        &it.features,
+        it.image.size(),
+    )
+    .with_source(format!("{session} {} {}", it.place, it.time));
     let circumstances = Circumstances {
         gray_range: it.image.gray_range(None),
         is_labelled,
@@ -159,7 +158,7 @@ fn a_poisoned_session_changes_nothing_with_the_guard_and_harms_without_it() {
         }
     }
     let guarded = learner.snapshot().expect("in step");
-    assert_eq!(guarded.nodes, clean().nodes);
+    assert_eq!(guarded.nodes(), clean().nodes());
     assert_eq!(
         Quarantine::of(&guarded).expect("readable").visits().len(),
         poison.len()
@@ -186,7 +185,7 @@ fn a_poisoned_session_changes_nothing_with_the_guard_and_harms_without_it() {
         forget_session(&poisoned, SessionId::derive("poison")).expect("it is there");
     assert_eq!(num_forgotten, poison.len());
     assert!(forgotten.check().is_ok());
-    assert_eq!(forgotten.nodes, clean().nodes);
+    assert_eq!(forgotten.nodes(), clean().nodes());
     assert_eq!(answers(&forgotten).1, num_right);
     assert!(forget_session(&forgotten, SessionId::derive("poison")).is_err());
 }
@@ -200,7 +199,8 @@ fn what_somebody_labelled_is_learnt_unless_it_looks_like_another_place() {
         .map(|number| {
             let time = noon.plus_us(number * 3_600_000_000);
             // The picture of nowhere that the map knows.
-            let other = World::new(&WorldConfig::new(77).num_places(1)).expect("a valid world");
+            let other =
+                World::new(&WorldConfig::new(77).with_num_places(1)).expect("a valid world");
             seen(0, time, other.render(0, noon, number as u64))
         })
         .collect();
@@ -255,7 +255,7 @@ fn honest_visits_are_rarely_held_and_can_be_accepted_or_rejected() {
     );
     assert_eq!(learner.held().visits().len(), held.len() + 1);
     let [first, second] = [(); 2].map(|()| learner.snapshot().expect("in step"));
-    let value = |of: &Snapshot| Arc::clone(&of.attachments[&format!("held-{id}")]);
+    let value = |of: &Snapshot| Arc::clone(&of.attachments()[&format!("held-{id}")]);
     assert!(Arc::ptr_eq(&value(&first), &value(&second)), "written once");
     assert_eq!(Quarantine::of(&second).expect("ours"), *learner.held());
     let mut other = Learner::resume(
@@ -270,7 +270,7 @@ fn honest_visits_are_rarely_held_and_can_be_accepted_or_rejected() {
     assert_eq!(error.kind(), ErrorKind::NotFound);
     let after = learner.snapshot().expect("in step");
     assert_eq!(after.summary().num_visits, before.summary().num_visits + 1);
-    assert!(after.nodes[0].visits.iter().any(|visit| visit.id == id));
+    assert!(after.nodes()[0].visits().iter().any(|visit| visit.id == id));
 }
 
 /// More visits are held than are kept whole: the others are known all the same.
@@ -281,15 +281,14 @@ fn what_was_held_is_not_learnt_by_repeating_the_update() {
     let update = |learner: &mut Learner| {
         let (mut num_new, mut num_given_up) = (0, 0);
         for hour in 0..700 {
-            let observation = Observation {
-                place: world().places()[0].clone(),
-                session: SessionId::derive("covered"),
-                time: start.plus_us(hour * 3_600_000_000),
-                features: &nothing,
-                image_size: (448, 384),
-                mask: None,
-                source: format!("{hour}.png"),
-            };
+            let observation = Observation::new(
+                world().places()[0].clone(),
+                SessionId::derive("covered"),
+                start.plus_us(hour * 3_600_000_000),
+                &nothing,
+                (448, 384),
+            )
+            .with_source(format!("{hour}.png"));
             let learnt = learner.observe(&observation).expect("fits");
             assert!(learnt.doubt.is_some());
             num_new += usize::from(!learnt.is_same_visit);
@@ -365,15 +364,15 @@ fn a_visit_that_is_accepted_is_learnt_as_it_would_have_been() {
         let guard = GuardConfig::default().with_judge(judge);
         let cfg = LearnConfig::default().with_guard(guard);
         let mut learner = Learner::resume(cfg, clean().clone()).expect("sound");
-        let observation = Observation {
-            place: world().places()[0].clone(),
-            session: SessionId::derive("masked"),
-            time: wrong.time,
-            features: &wrong.features,
-            image_size: (width as u32, height as u32),
-            mask: Some(&mask),
-            source: "masked.png".into(),
-        };
+        let observation = Observation::new(
+            world().places()[0].clone(),
+            SessionId::derive("masked"),
+            wrong.time,
+            &wrong.features,
+            (width as u32, height as u32),
+        )
+        .with_mask(&mask)
+        .with_source("masked.png");
         let learnt = learner.observe(&observation).expect("fits");
         (
             Snapshot::clone(&learner.snapshot().expect("in step")),
@@ -387,8 +386,11 @@ fn a_visit_that_is_accepted_is_learnt_as_it_would_have_been() {
     learner.accept(id).expect("held");
     let (at_once, learnt) = observe(Judge::Never);
     assert_eq!(learnt.doubt, None);
-    assert_eq!(learner.snapshot().expect("in step").nodes, at_once.nodes);
-    let log = &at_once.nodes[0].log;
+    assert_eq!(
+        learner.snapshot().expect("in step").nodes(),
+        at_once.nodes()
+    );
+    let log = at_once.nodes()[0].log();
     let hidden = log.hidden_row(log.num_visits() - 1);
     assert!(hidden.is_some_and(|hidden| hidden.count_ones() > 0));
 }

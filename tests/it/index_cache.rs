@@ -50,11 +50,12 @@ impl Random {
 pub(crate) fn map(num_places: usize) -> Snapshot {
     let mut random = Random(7);
     let mut snapshot = Snapshot::empty(MapMeta::new(5, "none", "default"));
-    (snapshot.attachments).insert("a-note".into(), vec![0, 159, 146, 150].into());
+    (snapshot.attach("a-note", [0, 159, 146, 150])).expect("a name");
     for place in 0..num_places {
         let mut node = Node::new(PlaceKey::new(&format!("p{place:03}")).expect("a key"));
-        node.features = random.features(NUM_FEATURES);
-        node.pose = (place % 2 == 0).then_some([place as f64 / 3.0, -1.0, 0.5]);
+        let all = random.features(NUM_FEATURES);
+        let pose = (place % 2 == 0).then_some([place as f64 / 3.0, -1.0, 0.5]);
+        node.set_pose(pose).expect("finite");
         for visit in 0..NUM_VISITS {
             let mut seen = BitRow::zeros(NUM_FEATURES);
             for feature in 0..NUM_FEATURES {
@@ -71,24 +72,19 @@ pub(crate) fn map(num_places: usize) -> Snapshot {
                 hidden
             });
             let time = Time::from_s(1_700_000_000 + visit as i64 * 30 * DAY_S);
-            let seen_then = seen.clone();
-            node.log.push_visit(time, seen, hidden).expect("fits");
             // Two visits are experiences; the first locates in winter, the second in summer.
             let mut located_by = BitRow::zeros(1 + visit / 6);
             located_by.set(visit / 6);
-            node.experience_log
-                .push_visit(time, located_by, None)
-                .expect("fits");
             let kept = (visit % 3 == 0).then(|| {
                 let seen: Vec<u32> = (0..NUM_FEATURES)
-                    .filter(|&feature| seen_then.get(feature))
+                    .filter(|&feature| seen.get(feature))
                     .map(|feature| feature as u32)
                     .collect();
                 let mut appearance = random.features(3);
-                appearance.append(&node.features, &seen);
+                appearance.append(&all, &seen);
                 Arc::new(appearance)
             });
-            node.visits.push(Visit {
+            let visit = Visit {
                 id: VisitId((place * NUM_VISITS + visit) as u128),
                 session: SessionId::derive("test"),
                 time,
@@ -98,9 +94,15 @@ pub(crate) fn map(num_places: usize) -> Snapshot {
                     0 => AppearanceUse::Experience,
                     _ => AppearanceUse::Recognised,
                 },
-            });
+            };
+            let born = if node.visits().is_empty() {
+                all.clone()
+            } else {
+                Features::new()
+            };
+            (node.push_visit(visit, &born, seen, hidden, located_by)).expect("fits");
         }
-        snapshot.nodes.push(Arc::new(node));
+        snapshot.push_node(node).expect("another place");
     }
     snapshot
 }
@@ -110,7 +112,7 @@ fn stored(num_places: usize) -> (tempfile::TempDir, PathBuf, Map) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("town.chronotope");
     let snapshot = map(num_places);
-    let map = Map::create(&path, snapshot.meta.clone()).expect("made");
+    let map = Map::create(&path, snapshot.meta().clone()).expect("made");
     map.commit(&snapshot).expect("stored");
     (folder, path, map)
 }
@@ -132,14 +134,14 @@ fn index_caches(map: &Path) -> Vec<PathBuf> {
 
 /// What a localizer says to views of some places in two seasons.
 pub(crate) fn answers(localizer: &Localizer) -> Vec<Localization> {
-    let nodes = &localizer.snapshot().nodes;
+    let nodes = localizer.snapshot().nodes();
     let mut scratch = localizer.scratch();
     let mut random = Random(99);
     let mut answers = Vec::new();
     for node in nodes.iter().step_by(nodes.len().div_ceil(8)) {
         for season in [0, 6] {
             let mut live = random.features(20);
-            live.append(&node.features, &[1, 4, 9, 16, 25, 2, 8, 18]);
+            live.append(node.features(), &[1, 4, 9, 16, 25, 2, 8, 18]);
             let query = Query::new(&live).at(Time::from_s(1_740_000_000 + season * 30 * DAY_S));
             answers.push(localizer.localize(&mut scratch, &query).expect("fits"));
         }
@@ -168,10 +170,13 @@ fn a_map_opened_by_its_index_cache_gives_the_same_answers() {
             // It was read from the index cache: that has no appearances, unless they are matched,
             // and everything else.
             let mut kept = Snapshot::clone(&map.snapshot());
-            for node in &mut kept.nodes {
-                for visit in &mut Arc::make_mut(node).visits {
+            for (id, node) in (0..).map(NodeId).zip(map.snapshot().nodes()) {
+                let mut node = Node::clone(node).into_parts();
+                for visit in &mut node.visits {
                     visit.appearance = visit.appearance.take().filter(|_| !method.predicts());
                 }
+                let node = Node::from_parts(node).expect("in step");
+                kept.replace_node(id, node).expect("the same place");
             }
             assert_eq!(**warm.snapshot(), kept);
             assert_eq!(warm.calibration(), whole.calibration());
@@ -238,22 +243,19 @@ fn an_index_cache_of_another_generation_or_configuration_is_not_used() {
     Localizer::open(&path, cfg()).expect("opens");
     let old = index_caches(&path);
     let mut newer = Snapshot::clone(&map.snapshot());
-    let node = Arc::make_mut(&mut newer.nodes[2]);
     let time = Time::from_s(1_735_000_000);
     let mut seen = BitRow::zeros(NUM_FEATURES);
     (0..9).for_each(|feature| seen.set(feature));
-    node.log.push_visit(time, seen, None).expect("fits");
-    node.experience_log
-        .push_visit(time, BitRow::zeros(2), None)
-        .expect("fits");
-    node.visits.push(Visit {
+    let visit = Visit {
         id: VisitId(999),
         session: SessionId::derive("later"),
         time,
         source: String::new(),
         appearance: None,
         appearance_use: AppearanceUse::Recognised,
-    });
+    };
+    let none = BitRow::zeros(2);
+    (newer.push_visit(NodeId(2), visit, &Features::new(), seen, None, none)).expect("fits");
     let before = Stamp::read(&path).expect("read");
     map.commit(&newer).expect("stored");
     let after = Stamp::read(&path).expect("read");
@@ -263,7 +265,10 @@ fn an_index_cache_of_another_generation_or_configuration_is_not_used() {
     let expected = answers(&Localizer::new(map.snapshot(), cfg()).expect("fits"));
     for _ in 0..2 {
         let localizer = Localizer::open(&path, cfg()).expect("opens");
-        assert_eq!(localizer.snapshot().nodes[2].visits.len(), NUM_VISITS + 1);
+        assert_eq!(
+            localizer.snapshot().nodes()[2].visits().len(),
+            NUM_VISITS + 1
+        );
         assert_eq!(answers(&localizer), expected);
     }
     let new = index_caches(&path);
@@ -328,7 +333,7 @@ fn an_index_cache_is_kept_as_wished() {
     let open = |form| {
         let localizer = Localizer::open_with(&path, cfg(), form).expect("opens");
         assert_eq!(answers(&localizer), expected, "{form}");
-        let visits = &localizer.snapshot().nodes[0].visits;
+        let visits = localizer.snapshot().nodes()[0].visits();
         // What was read from an index cache has no appearances.
         visits[0].appearance.is_none()
     };
@@ -360,7 +365,9 @@ fn an_index_cache_has_the_rights_of_its_map_and_is_refused_with_others() {
     // What was read from an index cache has no appearances.
     let is_read = || {
         let localizer = Localizer::open(&path, cfg()).expect("opens");
-        localizer.snapshot().nodes[0].visits[0].appearance.is_none()
+        localizer.snapshot().nodes()[0].visits()[0]
+            .appearance
+            .is_none()
     };
     set_mode(&path, 0o600);
     assert!(!is_read());
@@ -400,8 +407,12 @@ fn the_zone_of_a_map_says_by_whose_clocks_it_is_predicted() {
     let (folder, ..) = stored(1);
     let in_zone = |name: &str, preset: &str, zone: Option<&str>| {
         let mut snapshot = map(1);
-        preset.clone_into(&mut snapshot.meta.preset);
-        snapshot.meta.zone = zone.map(str::to_owned);
+        let meta = MapMeta {
+            preset: preset.into(),
+            zone: zone.map(str::to_owned),
+            ..snapshot.meta().clone()
+        };
+        snapshot.set_meta(meta).expect("can be stored");
         let path = folder.path().join(name);
         Map::create_from(&path, &snapshot).expect("a new file");
         path

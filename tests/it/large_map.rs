@@ -38,6 +38,7 @@ fn map() -> Arc<Snapshot> {
         for place in 0..NUM_PLACES {
             let key = PlaceKey::new(&format!("p{place:03}")).expect("a key");
             let mut node = Node::new(key);
+            let mut born = Features::new();
             for _ in 0..NUM_FEATURES {
                 let keypoint = Keypoint {
                     x: (random.next() % 400) as f32,
@@ -46,7 +47,7 @@ fn map() -> Arc<Snapshot> {
                     response: 1.0,
                 };
                 let descriptor = Descriptor(std::array::from_fn(|_| random.next()));
-                node.features.push(keypoint, descriptor);
+                born.push(keypoint, descriptor);
             }
             for visit in 0..NUM_VISITS {
                 let time = Time::from_s(1_700_000_000 + visit as i64 * 7_000);
@@ -56,17 +57,18 @@ fn map() -> Arc<Snapshot> {
                         seen.set(feature);
                     }
                 }
-                node.log.push_visit(time, seen, None).expect("fits");
-                node.visits.push(Visit {
+                let visit = Visit {
                     id: VisitId((place * NUM_VISITS + visit) as u128),
                     session: SessionId::derive("test"),
                     time,
                     source: String::new(),
                     appearance: None,
                     appearance_use: AppearanceUse::Recognised,
-                });
+                };
+                let born = std::mem::take(&mut born);
+                (node.push_visit(visit, &born, seen, None, BitRow::zeros(0))).expect("fits");
             }
-            snapshot.nodes.push(Arc::new(node));
+            snapshot.push_node(node).expect("another place");
         }
         Arc::new(snapshot)
     }))
@@ -75,7 +77,8 @@ fn map() -> Arc<Snapshot> {
 /// Half of a place's features seen again, ten of 256 bits different, all moved by one displacement.
 fn image_of(place: usize) -> Features {
     let mut random = Random(place as u64 * 2 + 1);
-    let features = &map().nodes[place].features;
+    let map = map();
+    let features = map.nodes()[place].features();
     let mut image = Features::new();
     for (keypoint, descriptor) in
         (features.keypoints().iter().zip(features.descriptors())).step_by(2)

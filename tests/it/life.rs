@@ -67,15 +67,16 @@ fn observe(learner: &mut Learner, number: u64) -> usize {
     let place_number = number % 2;
     let live = image(place_number, number / 2);
     let learnt = learner
-        .observe(&Observation {
-            place: place(place_number),
-            session: SessionId::derive("life"),
-            time: time(number / 2),
-            features: &live,
-            image_size: (640, 480),
-            mask: None,
-            source: format!("{number}.png"),
-        })
+        .observe(
+            &Observation::new(
+                place(place_number),
+                SessionId::derive("life"),
+                time(number / 2),
+                &live,
+                (640, 480),
+            )
+            .with_source(format!("{number}.png")),
+        )
         .expect("fits");
     assert_eq!(learnt.doubt, None, "visit {number}");
     learnt.num_forgotten
@@ -90,7 +91,7 @@ fn knows(snapshot: &Snapshot, place_number: u64, number: u64) -> bool {
     let mut wanted = Features::new();
     push(&mut wanted, 1_000_000 * place_number + number);
     let id = snapshot.find(&place(place_number)).expect("visited");
-    let known = snapshot.node(id).features.descriptors();
+    let known = snapshot.node(id).features().descriptors();
     known.contains(&wanted.descriptors()[0])
 }
 
@@ -112,8 +113,8 @@ fn a_map_within_a_budget_stays_within_it_and_keeps_what_is_useful() {
             learner = Learner::resume(cfg.clone(), Snapshot::clone(&snapshot)).expect("sound");
         }
         let snapshot = learner.snapshot().expect("in step");
-        for node in &snapshot.nodes {
-            assert!(node.features.len() <= 200 && node.visits.len() <= 60);
+        for node in snapshot.nodes() {
+            assert!(node.features().len() <= 200 && node.visits().len() <= 60);
         }
     }
     assert!(num_forgotten > 5_000, "{num_forgotten}");
@@ -146,15 +147,13 @@ fn a_map_within_a_budget_stays_within_it_and_keeps_what_is_useful() {
 #[test]
 fn a_place_that_is_often_not_recognised_still_refuses_what_is_another() {
     let observe = |learner: &mut Learner, number: u64, live: &Features| {
-        let observation = Observation {
-            place: place(0),
-            session: SessionId::derive("often"),
-            time: time(number),
-            features: live,
-            image_size: (640, 480),
-            mask: None,
-            source: String::new(),
-        };
+        let observation = Observation::new(
+            place(0),
+            SessionId::derive("often"),
+            time(number),
+            live,
+            (640, 480),
+        );
         learner.observe(&observation).expect("fits")
     };
     let unknown = |number: u64| {
@@ -199,8 +198,10 @@ fn bytes_of_places_and_of_the_map_are_bounded_too() {
         let mut learner = Learner::new(cfg, meta());
         for number in 0..300 {
             observe(&mut learner, number);
-            let nodes = &learner.snapshot().expect("in step").nodes;
-            let num_bytes: Vec<usize> = nodes.iter().map(|node| node.num_bytes()).collect();
+            let snapshot = learner.snapshot().expect("in step");
+            let num_bytes: Vec<usize> = (snapshot.nodes().iter())
+                .map(|node| node.num_bytes())
+                .collect();
             assert!(num_bytes.iter().sum::<usize>() <= 200_000, "{num_bytes:?}");
         }
     }
@@ -234,7 +235,7 @@ fn a_stay_of_three_thousand_images_leaves_the_other_hours_as_they_were() {
         }
         let before = learner.snapshot().expect("in step");
         let num_bytes = |snapshot: &Snapshot| -> usize {
-            snapshot.nodes.iter().map(|node| node.num_bytes()).sum()
+            snapshot.nodes().iter().map(|node| node.num_bytes()).sum()
         };
         let (answers_before, bytes_before) = (answers(&before), num_bytes(&before));
         let mut num_same = 0;
@@ -242,15 +243,13 @@ fn a_stay_of_three_thousand_images_leaves_the_other_hours_as_they_were() {
             // Each has a feature of its own, as noise makes them.
             let mut live = image(0, 81);
             push(&mut live, 5_000_000 + i);
-            let learnt = learner.observe(&Observation {
-                place: place(0),
-                session: SessionId::derive("charger"),
-                time: time(81).plus_us(i as i64 * 100_000),
-                features: &live,
-                image_size: (640, 480),
-                mask: None,
-                source: String::new(),
-            });
+            let learnt = learner.observe(&Observation::new(
+                place(0),
+                SessionId::derive("charger"),
+                time(81).plus_us(i as i64 * 100_000),
+                &live,
+                (640, 480),
+            ));
             num_same += usize::from(learnt.expect("fits").is_same_visit);
         }
         assert!(num_same >= 2_999, "{num_same}");
@@ -279,7 +278,7 @@ fn a_file_within_a_budget_does_not_grow() {
         }
         let half = &mut largest[usize::from(number >= 200)];
         *half = std::fs::metadata(&path).expect("there").len().max(*half);
-        assert_eq!(map.snapshot().nodes, snapshot.nodes);
+        assert_eq!(map.snapshot().nodes(), snapshot.nodes());
     }
     assert!(largest[1] <= largest[0] * 5 / 4, "{largest:?} bytes");
     assert!(Map::verify(&path).expect("a map").is_clean());
@@ -404,17 +403,17 @@ fn one_process_learns_while_another_localises() {
             }
         }
     });
-    let first = localizer.snapshot().generation;
+    let first = localizer.snapshot().generation();
     let (mut num_answers, mut num_generations, mut newest) = (0_u64, 1, first);
     while newest <= num_commits {
         let known = acknowledged.load(Ordering::SeqCst);
         let snapshot = reader.refresh().expect("readable at any moment");
         assert!(
-            snapshot.generation >= known.max(newest),
+            snapshot.generation() >= known.max(newest),
             "older than {known}"
         );
-        if snapshot.generation > newest {
-            newest = snapshot.generation;
+        if snapshot.generation() > newest {
+            newest = snapshot.generation();
             num_generations += 1;
             localizer = localizer.with_snapshot(snapshot).expect("sound");
         }

@@ -31,7 +31,7 @@ struct Street {
 fn street() -> &'static Street {
     static STREET: OnceLock<Street> = OnceLock::new();
     STREET.get_or_init(|| {
-        let world = World::new(&WorldConfig::new(4711).num_places(4)).expect("valid");
+        let world = World::new(&WorldConfig::new(4711).with_num_places(4)).expect("valid");
         let schedule = Schedule::standard(4711, 10, 3);
         let extractor = StarBrief::default();
         let see = |dataset: Dataset| {
@@ -52,15 +52,14 @@ fn street() -> &'static Street {
 }
 
 fn observation(seen: &Seen) -> Observation<'_> {
-    Observation {
-        place: seen.entry.place.clone(),
-        session: SessionId::derive("test"),
-        time: seen.entry.time,
-        features: &seen.features,
-        image_size: SIZE,
-        mask: None,
-        source: seen.entry.id.clone(),
-    }
+    Observation::new(
+        seen.entry.place.clone(),
+        SessionId::derive("test"),
+        seen.entry.time,
+        &seen.features,
+        SIZE,
+    )
+    .with_source(seen.entry.id.clone())
 }
 
 fn learner(preset: Preset, keep: KeepAppearances) -> Learner {
@@ -101,7 +100,7 @@ fn query(seen: &Seen) -> Query<'_> {
 fn is_right(localizer: &Localizer, seen: &Seen, found: &Localization) -> bool {
     found
         .first()
-        .is_some_and(|first| localizer.snapshot().node(first.node).key == seen.entry.place)
+        .is_some_and(|first| *localizer.snapshot().node(first.node).key() == seen.entry.place)
 }
 
 #[test]
@@ -252,15 +251,16 @@ fn an_image_of_nothing_is_unknown() {
             .localize(&mut counting.scratch(), &query)
             .expect("an answer");
         assert_eq!(found.decision, Decision::Unknown, "{method}");
-        assert_eq!(found.tied, counting.snapshot().nodes.len());
+        assert_eq!(found.tied, counting.snapshot().nodes().len());
     }
 }
 
 /// The street without its last place.
 fn snapshot_without_last() -> (Arc<Snapshot>, PlaceKey) {
-    let mut snapshot = Snapshot::clone(&snapshot(Preset::Default));
-    let last = snapshot.nodes.pop().expect("four places");
-    (Arc::new(snapshot), last.key.clone())
+    let mut parts = Snapshot::clone(&snapshot(Preset::Default)).into_parts();
+    let last = parts.nodes.pop().expect("four places");
+    let part = Snapshot::from_parts(parts).expect("no edge leads there");
+    (Arc::new(part), last.key().clone())
 }
 
 #[test]
@@ -276,7 +276,7 @@ fn places_of_the_map_are_located_and_others_are_not() {
             .expect("fits");
         natives += 1;
         if let Decision::At(node) = found.decision {
-            assert_eq!(whole.snapshot().node(node).key, seen.entry.place);
+            assert_eq!(*whole.snapshot().node(node).key(), seen.entry.place);
             located += 1;
         }
         if seen.entry.place == unknown {
@@ -325,7 +325,7 @@ fn an_attached_calibration_is_taken_while_it_fits_and_never_otherwise() {
     let bytes = fresh.to_attachment().expect("writes").expect("calibrated");
     let with = |bytes: &[u8]| {
         let mut snapshot = Snapshot::clone(&snapshot(Preset::Default));
-        (snapshot.attachments).insert(ATTACHMENT.to_owned(), bytes.into());
+        (snapshot.attach(ATTACHMENT, bytes)).expect("a name");
         snapshot
     };
     let known = |snapshot: Snapshot, cfg: LocalizerConfig| {
@@ -358,7 +358,7 @@ fn an_attached_calibration_is_taken_while_it_fits_and_never_otherwise() {
         .observe(&observation(&street().query[0]))
         .expect("learns");
     let mut grown = Snapshot::clone(&grown.snapshot().expect("fits together"));
-    (grown.attachments).insert(ATTACHMENT.to_owned(), marked.as_bytes().into());
+    (grown.attach(ATTACHMENT, marked.as_bytes())).expect("a name");
     let num_images = known(grown, cfg.clone()).num_images();
     assert!(num_images < 90, "{num_images} is of the copy");
     let version = marked.replacen("\"version\":", "\"version\":9", 1);
@@ -374,10 +374,7 @@ fn a_source_that_no_map_can_keep_is_refused_before_it_is_learnt() {
     let mut learner = learner(Preset::Default, KeepAppearances::All);
     let before = learner.snapshot().expect("fits together");
     let seen = &street().query[0];
-    let long = Observation {
-        source: "x".repeat(5000),
-        ..observation(seen)
-    };
+    let long = observation(seen).with_source("x".repeat(5000));
     let error = learner.observe(&long).expect_err("too long");
     assert_eq!(error.kind(), ErrorKind::Shape);
     assert!(error.to_string().contains("help:"), "{error}");
@@ -398,7 +395,7 @@ fn a_map_of_single_visits_is_calibrated_by_assumption() {
         Localizer::new(Arc::clone(&snapshot), LocalizerConfig::default()).expect("map fits");
     let calibration = localizer.calibration().expect("the preset calibrates");
     // Their images are matched with the places that they do not show.
-    assert_eq!(calibration.num_images(), snapshot.nodes.len());
+    assert_eq!(calibration.num_images(), snapshot.nodes().len());
     let first = &street().learn[0];
     let found = (localizer.localize(&mut localizer.scratch(), &query(first))).expect("fits");
     assert!(is_right(&localizer, first, &found));
@@ -471,23 +468,23 @@ fn learning_the_same_visit_twice_is_refused_and_changes_nothing() {
 fn an_experience_is_added_only_where_the_others_fail() {
     let snapshot = snapshot(Preset::Default);
     let count = |only: AppearanceUse| {
-        (snapshot.nodes.iter())
-            .flat_map(|node| &node.visits)
+        (snapshot.nodes().iter())
+            .flat_map(|node| node.visits())
             .filter(|visit| visit.appearance_use == only)
             .count()
     };
     let experiences = count(AppearanceUse::Experience);
     assert!(
-        experiences >= snapshot.nodes.len(),
+        experiences >= snapshot.nodes().len(),
         "the first visit of each place is one"
     );
     assert!(
         count(AppearanceUse::Recognised) > 0,
         "some visits were recognised"
     );
-    for node in &snapshot.nodes {
+    for node in snapshot.nodes() {
         node.check().expect("in step");
-        assert_eq!(node.visits[0].appearance_use, AppearanceUse::Experience);
+        assert_eq!(node.visits()[0].appearance_use, AppearanceUse::Experience);
     }
 }
 
@@ -497,11 +494,11 @@ fn a_map_on_disk_answers_like_the_map_in_memory() {
     for preset in Preset::ALL {
         let path = dir.path().join(preset.name());
         let in_memory = snapshot(preset);
-        let map = Map::create(&path, in_memory.meta.clone()).expect("creates");
+        let map = Map::create(&path, in_memory.meta().clone()).expect("creates");
         map.commit(&in_memory).expect("commits");
         drop(map);
         let stored = Map::open(&path).expect("opens").snapshot();
-        assert_eq!(stored.nodes, in_memory.nodes);
+        assert_eq!(stored.nodes(), in_memory.nodes());
         let cfg = LocalizerConfig::preset(preset).with_score(Score::Inliers);
         let [a, b] = [in_memory, stored]
             .map(|snapshot| Localizer::new(snapshot, cfg.clone()).expect("map fits"));
@@ -538,7 +535,7 @@ fn features_of_a_shifted_visit_share_the_first_frame() {
     // born again.
     assert!(second.num_seen * 10 >= first.num_born * 9, "{second:?}");
     let snapshot = learner.snapshot().expect("fits together");
-    let keypoints = snapshot.nodes[0].features.keypoints();
+    let keypoints = snapshot.nodes()[0].features().keypoints();
     for keypoint in &keypoints[first.num_born..] {
         let duplicate = keypoints[..first.num_born]
             .iter()

@@ -20,6 +20,7 @@ mod map;
 mod matching;
 mod merge;
 mod newer;
+mod parts;
 mod real_files;
 mod robot;
 mod source_text;

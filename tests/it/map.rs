@@ -12,8 +12,8 @@ use chronotope::feature::{Descriptor, Features, Keypoint, Rect};
 use chronotope::learn::{LearnConfig, Learner, Observation};
 use chronotope::localize::Preset;
 use chronotope::map::{
-    AppearanceUse, Edge, Map, MapMeta, Node, PlaceKey, SessionId, Snapshot, Visit, VisitId,
-    derived_uuid, features_digest,
+    AppearanceUse, Edge, Map, MapMeta, Node, NodeId, NodeParts, PlaceKey, SessionId, Snapshot,
+    SnapshotParts, Visit, VisitId, derived_uuid, features_digest,
 };
 use chronotope::visibility::{BitRow, HistoryLog};
 use chronotope::{ErrorKind, Time};
@@ -123,13 +123,13 @@ fn lose(snapshot: &mut Snapshot, forget: &Forget) {
         return;
     };
     let node = snapshot.node(id);
-    let visits = repeated(&forget.visits, node.visits.len());
-    let features = repeated(&forget.features, node.features.len());
+    let visits = repeated(&forget.visits, node.visits().len());
+    let features = repeated(&forget.features, node.features().len());
     let (node, _) = node.retained(&visits, &features).expect("in step");
-    snapshot.nodes[id.0 as usize] = Arc::new(node);
+    snapshot.replace_node(id, node).expect("the same place");
 }
 
-fn place(number: u8) -> PlaceKey {
+pub(crate) fn place(number: u8) -> PlaceKey {
     PlaceKey::new(&format!("place {number} ✓")).expect("valid")
 }
 
@@ -145,8 +145,8 @@ fn take(snapshot: &mut Snapshot, number: u64, step: &Step) {
         } => {
             let key = place(*at);
             let id = snapshot.find_or_add(&key);
-            let node = snapshot.node_mut(id);
-            let len = node.features.len() + born;
+            let node = snapshot.node(id);
+            let len = node.features().len() + born;
             let (mut seen_row, mut hidden_row) = (BitRow::zeros(len), BitRow::zeros(len));
             for i in 0..len {
                 if seen[i % seen.len()] {
@@ -160,18 +160,14 @@ fn take(snapshot: &mut Snapshot, number: u64, step: &Step) {
             for i in (0..located_row.len()).filter(|i| located_by[i % located_by.len()]) {
                 located_row.set(i);
             }
-            node.push_visit(
-                visit,
-                &features(number + 1000, *born),
-                seen_row,
-                hidden.is_some().then_some(hidden_row),
-                located_row,
-            )
-            .expect("in step");
+            let born = features(number + 1000, *born);
+            let hidden = hidden.is_some().then_some(hidden_row);
+            (snapshot.push_visit(id, visit, &born, seen_row, hidden, located_row))
+                .expect("in step");
         }
         Step::Pose { place: at, pose } => {
             let id = snapshot.find_or_add(&place(*at));
-            snapshot.node_mut(id).pose = *pose;
+            snapshot.set_pose(id, *pose).expect("finite");
         }
         Step::Edge { from, to } => {
             for number in [from, to] {
@@ -184,16 +180,58 @@ fn take(snapshot: &mut Snapshot, number: u64, step: &Step) {
             };
             snapshot.add_edge(edge).expect("both are there");
         }
-        Step::NoEdges => snapshot.edges.clear(),
-        Step::Zone(set) => snapshot.meta.zone = set.then(|| "Europe/Prague".into()),
+        Step::NoEdges => snapshot.retain_edges(|_| false),
+        Step::Zone(set) => {
+            let zone = set.then(|| "Europe/Prague".into());
+            set_meta(snapshot, |meta| meta.zone = zone);
+        }
         Step::Attach(name, value) if value.is_empty() => {
-            snapshot.attachments.remove(&format!("value-{name}"));
+            snapshot.detach(&format!("value-{name}"));
         }
         Step::Attach(name, value) => {
             let name = format!("value-{name}");
-            snapshot.attachments.insert(name, value.as_slice().into());
+            snapshot.attach(&name, value.as_slice()).expect("a name");
         }
     }
+}
+
+fn set_meta(snapshot: &mut Snapshot, change: impl FnOnce(&mut MapMeta)) {
+    let mut meta = snapshot.meta().clone();
+    change(&mut meta);
+    snapshot.set_meta(meta).expect("can be stored");
+}
+
+/// The map with other parts of its first place.
+pub(crate) fn with_first(
+    map: &Snapshot,
+    change: impl FnOnce(&mut NodeParts),
+) -> chronotope::Result<Snapshot> {
+    let first = map.find(&place(0)).expect("there");
+    let mut parts = map.node(first).clone().into_parts();
+    change(&mut parts);
+    let mut changed = map.clone();
+    changed.replace_node(first, Node::from_parts(parts)?)?;
+    Ok(changed)
+}
+
+/// The map with other parts of its own.
+pub(crate) fn with_map(
+    map: &Snapshot,
+    change: impl FnOnce(&mut SnapshotParts),
+) -> chronotope::Result<Snapshot> {
+    let mut parts = map.clone().into_parts();
+    change(&mut parts);
+    Snapshot::from_parts(parts)
+}
+
+/// A log with rows of these lengths, which hide something or not, at the visits of the first place.
+pub(crate) fn experience_log(map: &Snapshot, rows: &[(usize, bool)]) -> HistoryLog {
+    let mut log = HistoryLog::new();
+    for (&(len, hides), &time) in rows.iter().zip(map.nodes()[0].log().times()) {
+        let hidden = hides.then(|| BitRow::zeros(len));
+        (log.push_visit(time, BitRow::zeros(len), hidden)).expect("fits");
+    }
+    log
 }
 
 pub(crate) fn meta() -> MapMeta {
@@ -216,15 +254,14 @@ pub(crate) fn observation(
     features: &Features,
     image_size: (u32, u32),
 ) -> Observation<'_> {
-    Observation {
+    Observation::new(
         place,
-        session: SessionId::derive("run"),
-        time: Time::from_s(number as i64 * 3600),
+        SessionId::derive("run"),
+        Time::from_s(number as i64 * 3600),
         features,
         image_size,
-        mask: None,
-        source: format!("{number}.png"),
-    }
+    )
+    .with_source(format!("{number}.png"))
 }
 
 /// In memory where there is such a folder: every commit waits for the disk.
@@ -237,9 +274,9 @@ pub(crate) fn folder() -> (tempfile::TempDir, PathBuf) {
 }
 
 fn same(a: &Snapshot, b: &Snapshot) -> bool {
-    let all = |of: &Snapshot| Snapshot {
+    let all = |of: &Snapshot| SnapshotParts {
         generation: 0,
-        ..of.clone()
+        ..of.clone().into_parts()
     };
     all(a) == all(b)
 }
@@ -263,7 +300,7 @@ proptest! {
             if *cut {
                 let generation = map.commit(&snapshot).expect("extends");
                 prop_assert!(same(&map.snapshot(), &snapshot));
-                prop_assert_eq!(map.snapshot().generation, generation);
+                prop_assert_eq!(map.snapshot().generation(), generation);
                 // A second reader follows commit by commit.
                 prop_assert_eq!(reader.refresh().expect("sound"), map.snapshot());
             }
@@ -298,7 +335,7 @@ proptest! {
                 let to = back % known.len() as u64;
                 let generation = map.rollback(to).expect("there");
                 prop_assert!(same(&map.snapshot(), &known[to as usize]));
-                prop_assert_eq!(map.snapshot().generation, generation);
+                prop_assert_eq!(map.snapshot().generation(), generation);
                 if generation == known.len() as u64 {
                     known.push(map.snapshot());
                 }
@@ -309,7 +346,7 @@ proptest! {
             if let Some(forget) = forget {
                 lose(&mut snapshot, forget);
             }
-            let parent = map.snapshot().generation;
+            let parent = map.snapshot().generation();
             let generation = map.replace(&snapshot).expect("stored");
             prop_assert!(same(&map.snapshot(), &snapshot));
             if generation == known.len() as u64 {
@@ -323,7 +360,7 @@ proptest! {
         let reopened = Map::open(&path).expect("is a map");
         prop_assert_eq!(reopened.snapshot(), map.snapshot());
         for past in &known {
-            prop_assert_eq!(&reopened.at(past.generation).expect("there"), past);
+            prop_assert_eq!(&reopened.at(past.generation()).expect("there"), past);
         }
         let generations = reopened.generations().expect("readable");
         prop_assert_eq!(generations.len(), known.len());
@@ -334,7 +371,7 @@ proptest! {
         prop_assert!(report.is_clean(), "{:?}", report.faults);
         // What is kept stays what it was, for those who have the file open, too.
         let prunes_all = keep % 4 == 0;
-        let keep = known.iter().map(|it| it.generation).filter(|it| keep >> it & 1 == 1);
+        let keep = known.iter().map(|it| it.generation()).filter(|it| keep >> it & 1 == 1);
         let keep: BTreeSet<u64> = keep.collect();
         let pruned = reopened.prune(&keep).expect("sound");
         let left = reopened.generations().expect("readable");
@@ -359,7 +396,7 @@ proptest! {
             return Ok(());
         }
         let mut snapshot = Snapshot::clone(&map.snapshot());
-        take(&mut snapshot, 999, &Step::Zone(map.snapshot().meta.zone.is_none()));
+        take(&mut snapshot, 999, &Step::Zone(map.snapshot().meta().zone.is_none()));
         if pruned.num_dropped > 0 {
             let error = map.commit(&snapshot).expect_err("not refreshed").to_string();
             prop_assert!(error.contains("pruned"), "{}", error);
@@ -372,7 +409,7 @@ proptest! {
     }
 }
 
-fn small(path: &Path) -> (Map, Snapshot) {
+pub(crate) fn small(path: &Path) -> (Map, Snapshot) {
     let map = Map::create_at(path, meta(), Time::from_s(0)).expect("new");
     let mut snapshot = Snapshot::clone(&map.snapshot());
     for number in 0..6 {
@@ -394,78 +431,39 @@ fn small(path: &Path) -> (Map, Snapshot) {
 fn a_commit_that_changes_the_past_is_refused() {
     let (_folder, path) = folder();
     let (map, good) = small(&path);
-    let refused = |change: &dyn Fn(&mut Snapshot)| {
-        let mut changed = good.clone();
-        change(&mut changed);
-        let error = map.commit(&changed).expect_err("must not be stored");
-        assert_eq!(map.snapshot().generation, 1);
-        error.to_string()
+    let refused = |changed: chronotope::Result<Snapshot>| {
+        let error = map.commit(&changed.expect("sound by itself"));
+        assert_eq!(map.snapshot().generation(), 1);
+        error.expect_err("must not be stored").to_string()
     };
-    let first = |s: &Snapshot| s.find(&place(0)).expect("there");
     let all = [
-        refused(&|s| s.meta.uuid = 1),
-        refused(&|s| s.meta.crop = None),
-        refused(&|s| drop(s.nodes.pop())),
-        refused(&|s| s.nodes.swap(0, 1)),
-        refused(&|s| s.node_mut(first(s)).visits[0].source = "another".into()),
-        refused(&|s| s.node_mut(first(s)).visits[1].appearance = Some(Arc::default())),
+        refused(with_map(&good, |parts| parts.meta.uuid = 1)),
+        refused(with_map(&good, |parts| parts.meta.crop = None)),
+        refused(with_map(&good, |parts| drop(parts.nodes.pop()))),
+        refused(with_map(&good, |parts| parts.nodes.swap(0, 1))),
+        refused(with_first(&good, |parts| {
+            parts.visits[0].source = "another".into();
+        })),
+        refused(with_first(&good, |parts| {
+            parts.visits[1].appearance = Some(Arc::default());
+        })),
     ];
     for message in all {
         assert!(message.contains("does not extend"), "{message}");
         assert!(message.contains("a.map"), "{message}");
     }
-    let message = refused(&|s| s.node_mut(first(s)).features.truncate(1));
-    assert!(message.contains("do not pair"), "{message}");
-    let message = refused(&|s| {
-        let again = s.nodes[0].visits[0].clone();
-        let node = s.node_mut(first(s));
-        let seen = BitRow::zeros(node.features.len());
-        let located_by = node.unlocated(again.appearance_use);
-        node.push_visit(again, &Features::new(), seen, None, located_by)
-            .expect("in step");
-    });
+    let mut twice = good.clone();
+    let first = twice.find(&place(0)).expect("there");
+    let again = twice.nodes()[0].visits()[0].clone();
+    let node = twice.node(first);
+    let seen = BitRow::zeros(node.features().len());
+    let located_by = node.unlocated(again.appearance_use);
+    (twice.push_visit(first, again, &Features::new(), seen, None, located_by)).expect("in step");
+    let message = refused(Ok(twice));
     assert!(message.contains("already"), "{message}");
-    // A log that goes another way, and logs that are not in step with the visits.
-    let relogged = |rows: &[(usize, bool)]| {
-        let times = good.nodes[0].log.times();
-        let mut log = HistoryLog::new();
-        for (&(len, hides), &time) in rows.iter().zip(times) {
-            let hidden = hides.then(|| BitRow::zeros(len));
-            log.push_visit(time, BitRow::zeros(len), hidden)
-                .expect("fits");
-        }
-        refused(&|s| s.node_mut(first(s)).experience_log = log.clone())
-    };
-    let all = [
-        (
-            &[(1, false), (2, false), (3, false)][..],
-            "visit 0 is another",
-        ),
-        (&[(1, false), (2, false)], "log of experiences at 2"),
-        (&[(1, false), (3, false), (3, false)], "up to visit 1"),
-        (&[(0, false), (1, false), (2, false)], "up to visit 0"),
-        (
-            &[(1, false), (2, true), (3, false)],
-            "hides some at visit 1",
-        ),
-    ];
-    for (rows, expected) in all {
-        let message = relogged(rows);
-        assert!(message.contains(expected), "{message}");
-    }
-    let message = refused(&|s| {
-        let node = s.node_mut(first(s));
-        let mut late = HistoryLog::new();
-        for (at, time) in node.log.times().iter().enumerate() {
-            let time = Time::from_us(time.as_us() + i64::from(at == 2));
-            late.push_visit(time, node.experience_log.seen_row(at).clone(), None)
-                .expect("fits");
-        }
-        node.experience_log = late;
-    });
-    assert!(message.contains("visit 2 and the log"), "{message}");
-    let message = refused(&|s| s.node_mut(first(s)).pose = Some([0.0, f64::NAN, 0.0]));
-    assert!(message.contains("not finite"), "{message}");
+    let other_log = experience_log(&good, &[(1, false), (2, false), (3, false)]);
+    let message = refused(with_first(&good, |parts| parts.experience_log = other_log));
+    assert!(message.contains("visit 0 is another"), "{message}");
     assert_eq!(map.commit(&good).expect("nothing new"), 1);
     assert!(Map::verify(&path).expect("is a map").is_clean());
 }
@@ -496,7 +494,7 @@ fn push_visit_refuses_bits_for_other_experiences_and_changes_nothing() {
         node.push_visit(visit, &Features::new(), BitRow::zeros(0), None, row)
             .expect("in step");
     }
-    assert_eq!(node.experience_log.num_features(), 2);
+    assert_eq!(node.experience_log().num_features(), 2);
     assert!(node.check().is_ok());
 }
 
@@ -522,9 +520,9 @@ fn a_map_whose_features_all_come_with_the_first_visit_is_kept() {
     let cfg = LearnConfig::preset(Preset::Lttl);
     let mut learner = Learner::resume(cfg, Snapshot::clone(&map.snapshot())).unwrap();
     let learnt = observe(&mut learner, 0..8);
-    let node = &learnt.nodes[0];
-    assert_eq!(node.born_at(0), 0..node.features.len());
-    assert!(node.log.seen_row(0).count_ones() < node.features.len());
+    let node = &learnt.nodes()[0];
+    assert_eq!(node.born_at(0), 0..node.features().len());
+    assert!(node.log().seen_row(0).count_ones() < node.features().len());
     assert!(learnt.check().is_ok());
     map.commit(&learnt).expect("extends");
     let reopened = Map::open(&path).expect("is a map");
@@ -539,7 +537,10 @@ fn a_map_whose_features_all_come_with_the_first_visit_is_kept() {
     reopened.commit(&more).expect("extends");
     assert!(Map::verify(&path).expect("is a map").is_clean());
     let rewritten = observe(&mut learner, 8..10);
-    assert_ne!(rewritten.nodes[0].log.seen_row(0), node.log.seen_row(0));
+    assert_ne!(
+        rewritten.nodes()[0].log().seen_row(0),
+        node.log().seen_row(0)
+    );
     let error = reopened.commit(&rewritten).expect_err("rewrites visit 0");
     assert!(error.to_string().contains("visit 0 is another"), "{error}");
     assert!(same(&reopened.snapshot(), &more));
@@ -585,10 +586,10 @@ fn one_thread_commits_while_others_read() {
                         // Opening anew reads the header beside a running commit.
                         let opened = Map::open_read_only(&path).expect("sound").snapshot();
                         let refreshed = reader.refresh().expect("sound");
-                        assert!(refreshed.generation >= opened.generation);
-                        assert!(opened.generation >= last);
+                        assert!(refreshed.generation() >= opened.generation());
+                        assert!(opened.generation() >= last);
                         assert!(opened.check().is_ok());
-                        last = opened.generation;
+                        last = opened.generation();
                     }
                 })
             })
@@ -662,6 +663,15 @@ fn what_is_no_map_is_named_and_left_alone() {
     assert!(error.to_string().contains("folder"), "{error}");
 }
 
+/// The map as if it was committed as this generation.
+pub(crate) fn of_generation(map: Snapshot, generation: u64) -> Snapshot {
+    let parts = SnapshotParts {
+        generation,
+        ..map.into_parts()
+    };
+    Snapshot::from_parts(parts).expect("as sound as before")
+}
+
 /// The map `start` with the visits of commits `from` to `to`.
 pub(crate) fn after_commits(start: &Snapshot, from: u64, to: u64) -> Snapshot {
     let mut snapshot = start.clone();
@@ -722,7 +732,7 @@ fn a_killed_writer_loses_nothing_it_acknowledged() {
         let map = Map::open(path).expect("sound");
         loop {
             let now = map.snapshot();
-            let next = after_commits(&now, now.generation, now.generation + 1);
+            let next = after_commits(&now, now.generation(), now.generation() + 1);
             let generation = map.commit(&next).expect("extends");
             writeln!(std::io::stdout(), "committed {generation}").expect("heard");
         }
@@ -744,10 +754,10 @@ fn a_killed_writer_loses_nothing_it_acknowledged() {
         let mut last = lines.by_ref().find_map(acknowledged).expect("one commit");
         // Another process reads meanwhile: no error, and nothing older than what was acknowledged.
         let reader = Map::open_read_only(&path).expect("sound");
-        assert!(reader.snapshot().generation >= last);
+        assert!(reader.snapshot().generation() >= last);
         for _ in 0..round % 4 {
             last = lines.by_ref().find_map(acknowledged).expect("one more");
-            assert!(reader.refresh().expect("sound").generation >= last);
+            assert!(reader.refresh().expect("sound").generation() >= last);
         }
         std::thread::sleep(std::time::Duration::from_micros(round * 377 % 3001));
         writer.kill().expect("runs");
@@ -755,12 +765,12 @@ fn a_killed_writer_loses_nothing_it_acknowledged() {
         last = lines.filter_map(acknowledged).last().unwrap_or(last);
         let found = Map::open(&path).expect("sound").snapshot();
         assert!(
-            (last..=last + 1).contains(&found.generation),
+            (last..=last + 1).contains(&found.generation()),
             "{last} was acknowledged, {} is found",
-            found.generation
+            found.generation()
         );
-        known = after_commits(&known, known.generation, found.generation);
-        known.generation = found.generation;
+        known = after_commits(&known, known.generation(), found.generation());
+        known = of_generation(known, found.generation());
         assert_eq!(*found, known);
         assert!(Map::verify(&path).expect("a map").is_clean());
     }
@@ -775,7 +785,7 @@ fn a_killed_prune_or_rollback_leaves_the_map_whole() {
         // Started again below: branches and prunes until it is killed.
         let map = Map::open(path).expect("sound");
         loop {
-            let whole = map.snapshot().generation;
+            let whole = map.snapshot().generation();
             map.rollback(0).expect("there");
             map.rollback(whole).expect("there");
             map.prune(&BTreeSet::new()).expect("sound");
@@ -797,7 +807,7 @@ fn a_killed_prune_or_rollback_leaves_the_map_whole() {
         writer.wait().expect("ours");
         let map = Map::open(&path).expect("sound");
         // Between the two rollbacks the map is empty, and its past is there.
-        if map.snapshot().nodes.is_empty() {
+        if map.snapshot().nodes().is_empty() {
             let generations = map.generations().expect("readable");
             let whole = generations.iter().rev().find(|it| it.num_visits > 0);
             map.rollback(whole.expect("kept").number).expect("there");
@@ -870,7 +880,7 @@ fn check_read_only(folder: &Path) {
         assert!(map.is_read_only());
         let mut next = Snapshot::clone(&map.snapshot());
         assert_eq!(next.summary().num_visits, 6);
-        next.meta.preset = "another".into();
+        set_meta(&mut next, |meta| meta.preset = "another".into());
         let error = map.commit(&next).expect_err("cannot be written");
         assert_eq!(error.kind(), ErrorKind::Io);
         assert!(error.to_string().contains("a.map"), "{error}");
@@ -880,7 +890,7 @@ fn check_read_only(folder: &Path) {
     let path = folder.join("b.map");
     let map = Map::open(&path).expect("can be read");
     let mut next = Snapshot::clone(&map.snapshot());
-    next.meta.preset = "another".into();
+    set_meta(&mut next, |meta| meta.preset = "another".into());
     let error = map.commit(&next).expect_err("no journal can be made");
     assert_eq!(error.kind(), ErrorKind::Io);
     assert!(error.to_string().contains("folder"), "{error}");
@@ -958,7 +968,7 @@ fn a_full_disk_loses_nothing() {
         take(&mut snapshot, number, &step);
         number += 1;
         match map.commit(&snapshot) {
-            Ok(generation) => assert_eq!(generation, before.generation + 1),
+            Ok(generation) => assert_eq!(generation, before.generation() + 1),
             Err(error) => {
                 assert_eq!(map.snapshot(), before);
                 break error;
@@ -997,13 +1007,11 @@ fn attachments_are_kept_replaced_and_removed_and_odd_ones_refused() {
     let (_folder, path) = folder();
     let (map, mut snapshot) = small(&path);
     let without = snapshot.digest();
-    snapshot
-        .attachments
-        .insert("a-b2".into(), vec![0; 1 << 24].into());
-    snapshot.attachments.insert("empty".into(), Arc::default());
+    (snapshot.attach("a-b2", vec![0; 1 << 24])).expect("as large as may be");
+    snapshot.attach("empty", Vec::new()).expect("a name");
     assert_eq!(map.commit(&snapshot).expect("extends"), 2);
     assert_eq!(map.commit(&snapshot).expect("nothing new"), 2);
-    snapshot.attachments.remove("empty");
+    snapshot.detach("empty");
     assert!(same(&map.snapshot(), &snapshot), "an empty value is none");
     assert!(same(
         &Map::open(&path).expect("sound").snapshot(),
@@ -1011,17 +1019,20 @@ fn attachments_are_kept_replaced_and_removed_and_odd_ones_refused() {
     ));
     assert_ne!(snapshot.digest(), without);
     // Not taken over by a snapshot that leaves it out, but still in the past.
-    snapshot.attachments.clear();
+    snapshot.detach("a-b2");
     assert_eq!(map.commit(&snapshot).expect("extends"), 3);
     assert!(
         Map::open(&path)
             .expect("sound")
             .snapshot()
-            .attachments
+            .attachments()
             .is_empty()
     );
     assert_eq!(snapshot.digest(), without);
-    assert_eq!(map.at(2).expect("there").attachments["a-b2"].len(), 1 << 24);
+    assert_eq!(
+        map.at(2).expect("there").attachments()["a-b2"].len(),
+        1 << 24
+    );
     for (name, len, expected) in [
         ("", 1, "no name"),
         ("Upper", 1, "no name"),
@@ -1032,11 +1043,11 @@ fn attachments_are_kept_replaced_and_removed_and_odd_ones_refused() {
         ("large", (1 << 24) + 1, "16777217 bytes"),
     ] {
         let mut odd = snapshot.clone();
-        odd.attachments.insert(name.into(), vec![1; len].into());
-        let error = map.commit(&odd).expect_err(name).to_string();
+        let error = odd.attach(name, vec![1; len]).expect_err(name).to_string();
         assert!(error.contains(expected), "{name}: {error}");
+        assert_eq!(odd, snapshot);
     }
-    assert_eq!(map.snapshot().generation, 3);
+    assert_eq!(map.snapshot().generation(), 3);
     assert!(Map::verify(&path).expect("sound").is_clean());
 }
 
@@ -1050,10 +1061,10 @@ fn a_rollback_to_what_is_not_there_or_not_newest_is_refused() {
     assert_eq!(map.rollback(1).expect("it is there already"), 1);
     let other = Map::open(&path).expect("a map");
     assert_eq!(other.rollback(0).expect("there"), 2);
-    assert!(other.snapshot().nodes.is_empty());
+    assert!(other.snapshot().nodes().is_empty());
     let error = map.rollback(0).expect_err("not newest").to_string();
     assert!(error.contains("another process"), "{error}");
-    assert!(map.refresh().expect("sound").nodes.is_empty());
+    assert!(map.refresh().expect("sound").nodes().is_empty());
     // Forward again, and the same visit may be learnt a second time after a rollback.
     assert_eq!(map.rollback(1).expect("there"), 3);
     assert!(same(&map.snapshot(), &snapshot));
@@ -1072,17 +1083,18 @@ fn a_rollback_to_what_is_not_there_or_not_newest_is_refused() {
 fn replacing_writes_what_a_commit_refuses_and_keeps_the_past() {
     let (_folder, path) = folder();
     let (map, old) = small(&path);
-    let mut new = old.clone();
-    let first = new.find(&place(0)).expect("there");
-    let node = Arc::clone(&new.nodes[1]);
-    new.nodes.clear();
-    new.push_node(Node::clone(&node)).expect("only one");
+    let mut new = Snapshot::empty(old.meta().clone());
+    let first = old.find(&place(0)).expect("there");
+    (new.push_node(Arc::clone(&old.nodes()[1]))).expect("only one");
+    for (name, value) in old.attachments() {
+        new.attach(name, Arc::clone(value)).expect("a name");
+    }
     assert!(map.commit(&new).is_err());
     assert_eq!(map.replace(&new).expect("written"), 2);
     assert!(same(&map.snapshot(), &new));
     assert_eq!(new.find(&place(1)), Some(first));
     // What extends is an ordinary commit.
-    new.meta.zone = Some("Europe/Prague".into());
+    set_meta(&mut new, |meta| meta.zone = Some("Europe/Prague".into()));
     assert_eq!(map.replace(&new).expect("written"), 3);
     let parents: Vec<_> = (map.generations().expect("readable").iter())
         .map(|it| it.parent)
@@ -1090,7 +1102,7 @@ fn replacing_writes_what_a_commit_refuses_and_keeps_the_past() {
     assert_eq!(parents, [None, Some(0), Some(0), Some(2)]);
     assert!(same(&Map::open(&path).expect("a map").snapshot(), &new));
     assert!(same(&map.at(1).expect("kept"), &old));
-    new.meta.uuid = 1;
+    set_meta(&mut new, |meta| meta.uuid = 1);
     let error = map.replace(&new).expect_err("another map").to_string();
     assert!(error.contains("uuid"), "{error}");
     assert!(Map::verify(&path).expect("a map").is_clean());
@@ -1139,7 +1151,7 @@ fn a_place_that_forgets_is_written_anew_alone() {
     );
     // Once more, with a visit of another place, one that moves there, and one place that loses all.
     lose(&mut after, &forgets(8));
-    let moved = after.nodes[9].visits[2].clone();
+    let moved = after.nodes()[9].visits()[2].clone();
     lose(
         &mut after,
         &Forget {
@@ -1156,12 +1168,13 @@ fn a_place_that_forgets_is_written_anew_alone() {
             ..forgets(10)
         },
     );
-    let node = after.node_mut(chronotope::map::NodeId(3));
+    let other = chronotope::map::NodeId(3);
+    let node = after.node(other);
     let (seen, located_by) = (
-        BitRow::zeros(node.features.len()),
+        BitRow::zeros(node.features().len()),
         node.unlocated(moved.appearance_use),
     );
-    (node.push_visit(moved, &Features::new(), seen, None, located_by)).expect("in step");
+    (after.push_visit(other, moved, &Features::new(), seen, None, located_by)).expect("in step");
     assert_eq!(map.replace(&after).expect("stored"), 3);
     assert!(same(&reader.refresh().expect("sound"), &after));
     assert!(same(&Map::open(&path).expect("a map").snapshot(), &after));
@@ -1209,9 +1222,7 @@ fn pruning_a_branch_away_makes_the_file_smaller() {
     let (_folder, path) = folder();
     let (map, snapshot) = small(&path);
     let mut large = snapshot.clone();
-    large
-        .attachments
-        .insert("large".into(), vec![7; 1 << 20].into());
+    large.attach("large", vec![7; 1 << 20]).expect("a name");
     map.commit(&large).expect("extends");
     map.rollback(1).expect("there");
     let pruned = map.prune(&BTreeSet::new()).expect("sound");
@@ -1259,7 +1270,7 @@ fn golden() -> Snapshot {
     for visit in 0..6_u64 {
         let key = &keys[visit as usize % 2];
         let id = snapshot.find_or_add(key);
-        let node = snapshot.node_mut(id);
+        let node = snapshot.node(id);
         let mut born = Features::new();
         for i in 0..5 + visit {
             let keypoint = Keypoint {
@@ -1271,7 +1282,7 @@ fn golden() -> Snapshot {
             let word = (visit * 64 + i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
             born.push(keypoint, Descriptor([word, !word, word << 13, word >> 7]));
         }
-        let len = node.features.len() + born.len();
+        let len = node.features().len() + born.len();
         let mut seen = BitRow::zeros(len);
         let mut hidden = BitRow::zeros(len);
         for i in 0..len {
@@ -1298,11 +1309,10 @@ fn golden() -> Snapshot {
             located_by.set(i);
         }
         let hidden = is_hidden.then_some(hidden);
-        node.push_visit(visit, &born, seen, hidden, located_by)
-            .expect("in step");
+        (snapshot.push_visit(id, visit, &born, seen, hidden, located_by)).expect("in step");
     }
     let never_visited = snapshot.find_or_add(&keys[2]);
-    snapshot.node_mut(never_visited).pose = Some([12.5, -0.0, 1e-3]);
+    (snapshot.set_pose(never_visited, Some([12.5, -0.0, 1e-3]))).expect("finite");
     for (from, to, name) in [(0, 1, "corridor"), (1, 2, "")] {
         let edge = Edge {
             from: keys[from].clone(),
@@ -1319,7 +1329,7 @@ fn golden_2() -> Snapshot {
     let mut snapshot = golden();
     let values: [(&str, &[u8]); 2] = [("calibration", &[0, 255, 1, 128]), ("held-visits", b"[]")];
     for (name, value) in values {
-        snapshot.attachments.insert(name.into(), value.into());
+        snapshot.attach(name, value).expect("a name");
     }
     snapshot
 }
@@ -1340,7 +1350,7 @@ fn golden_map_of_format_1_still_opens() {
     let map = Map::open_read_only(&path).expect("a map for ever");
     let snapshot = map.snapshot();
     assert!(same(&snapshot, &golden()));
-    assert_eq!(snapshot.generation, 2);
+    assert_eq!(snapshot.generation(), 2);
     assert_eq!(
         hex(snapshot.digest()),
         "53b28ba2c6d4145d992bd308e98ddbab58f879bfaf97b0137d72a8f17a61bd44"
@@ -1379,7 +1389,13 @@ fn a_map_of_format_1_becomes_one_of_today_at_its_first_commit() {
     std::fs::copy(golden_path(1), &path).expect("writable");
     let map = Map::open(&path).expect("a map");
     assert_eq!(map.rollback(0).expect("there"), 3);
-    assert!(Map::open(&path).expect("a map").snapshot().nodes.is_empty());
+    assert!(
+        Map::open(&path)
+            .expect("a map")
+            .snapshot()
+            .nodes()
+            .is_empty()
+    );
     assert!(Map::verify(&path).expect("a map").is_clean());
 }
 
@@ -1391,7 +1407,7 @@ fn golden_map_of_format_2_still_opens() {
     let map = Map::open_read_only(&path).expect("a map for ever");
     let snapshot = map.snapshot();
     assert!(same(&snapshot, &golden_2()));
-    assert_eq!(snapshot.generation, 5);
+    assert_eq!(snapshot.generation(), 5);
     assert_eq!(
         hex(snapshot.digest()),
         "cbbd31faa89ead3af239625e725c1411b6c79953c4110753d6a09a9905f2f9fc"
@@ -1401,7 +1417,7 @@ fn golden_map_of_format_2_still_opens() {
         .collect();
     assert_eq!(parents, [None, Some(0), Some(1), Some(2), Some(2), Some(4)]);
     assert!(same(&map.at(2).expect("there"), &golden()));
-    assert_eq!(map.at(3).expect("there").attachments.len(), 1);
+    assert_eq!(map.at(3).expect("there").attachments().len(), 1);
     let report = Map::verify(&path).expect("a map");
     assert!(report.is_clean(), "{:?}", report.faults);
     assert_eq!(std::fs::read(&path).expect("there"), bytes);
@@ -1410,10 +1426,10 @@ fn golden_map_of_format_2_still_opens() {
 /// The content of `maps/golden/format-3.map`: never to be changed.
 fn golden_3() -> Snapshot {
     let mut snapshot = golden_2();
-    let door = &snapshot.nodes[0];
-    let features = repeated(&[true, true, false], door.features.len());
+    let door = &snapshot.nodes()[0];
+    let features = repeated(&[true, true, false], door.features().len());
     let (door, _) = (door.retained(&[false, true, true], &features)).expect("in step");
-    snapshot.nodes[0] = Arc::new(door);
+    (snapshot.replace_node(NodeId(0), door)).expect("the same place");
     snapshot
 }
 
@@ -1425,7 +1441,7 @@ fn golden_map_of_format_3_still_opens() {
     let map = Map::open_read_only(&path).expect("a map for ever");
     let snapshot = map.snapshot();
     assert!(same(&snapshot, &golden_3()));
-    assert_eq!(snapshot.generation, 6);
+    assert_eq!(snapshot.generation(), 6);
     assert_eq!(
         hex(snapshot.digest()),
         "575fc21e4215477c5c0f7de4fe22979b088c78947ecc418ea9851e4dee1e15db"
@@ -1474,19 +1490,17 @@ fn a_map_of_format_2_becomes_one_of_today_at_its_first_commit() {
 
 fn write_golden(path: &Path) {
     let whole = golden();
-    let map = Map::create_at(path, whole.meta.clone(), Time::from_s(1)).expect("new");
+    let map = Map::create_at(path, whole.meta().clone(), Time::from_s(1)).expect("new");
     // In two commits: the first place alone, then everything.
-    let mut first = Snapshot::empty(whole.meta.clone());
-    first.nodes.push(Arc::clone(&whole.nodes[0]));
+    let mut first = Snapshot::empty(whole.meta().clone());
+    (first.push_node(Arc::clone(&whole.nodes()[0]))).expect("the first");
     map.commit_at(&first, Time::from_s(2)).expect("extends");
     map.commit_at(&whole, Time::from_s(3)).expect("extends");
     // One more that is taken back, then the attachments.
     let mut mistaken = whole.clone();
-    mistaken
-        .attachments
-        .insert("calibration".into(), [9; 40].as_slice().into());
-    let lamp_post = mistaken.find(&whole.nodes[1].key).expect("there");
-    mistaken.node_mut(lamp_post).pose = Some([1.0, 2.0, 3.0]);
+    mistaken.attach("calibration", [9; 40]).expect("a name");
+    let lamp_post = mistaken.find(whole.nodes()[1].key()).expect("there");
+    (mistaken.set_pose(lamp_post, Some([1.0, 2.0, 3.0]))).expect("finite");
     take(
         &mut mistaken,
         90,

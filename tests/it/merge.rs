@@ -84,12 +84,12 @@ fn build(uuid: u128, visits: &[Visited], edges: &[(u8, u8)], has_pose: bool) -> 
     for it in visits {
         let key = place(it.place);
         let id = VisitId(u128::from(it.place) * 1000 + u128::from(it.number));
-        let node = snapshot.find_or_add(&key);
-        let node = snapshot.node_mut(node);
-        if node.visits.iter().any(|visit| visit.id == id) {
+        let at = snapshot.find_or_add(&key);
+        let node = snapshot.node(at);
+        if node.visits().iter().any(|visit| visit.id == id) {
             continue;
         }
-        let len = node.features.len() + it.born.len();
+        let len = node.features().len() + it.born.len();
         let (mut seen, mut hidden) = (BitRow::zeros(len), BitRow::zeros(len));
         for i in 0..len {
             if it.bits >> (i % 64) & 1 == 1 {
@@ -117,8 +117,8 @@ fn build(uuid: u128, visits: &[Visited], edges: &[(u8, u8)], has_pose: bool) -> 
                 located_by.set(i);
             }
         }
-        node.push_visit(visit, &features(&it.born), seen, Some(hidden), located_by)
-            .expect("in step");
+        let born = features(&it.born);
+        (snapshot.push_visit(at, visit, &born, seen, Some(hidden), located_by)).expect("in step");
     }
     for &(from, to) in edges {
         let edge = Edge {
@@ -133,11 +133,9 @@ fn build(uuid: u128, visits: &[Visited], edges: &[(u8, u8)], has_pose: bool) -> 
     }
     if has_pose {
         let first = snapshot.find_or_add(&place(0));
-        snapshot.node_mut(first).pose = Some([1.0, 2.0, 3.0]);
+        (snapshot.set_pose(first, Some([1.0, 2.0, 3.0]))).expect("finite");
     }
-    snapshot
-        .attachments
-        .insert("calibration".into(), [uuid as u8].as_slice().into());
+    (snapshot.attach("calibration", [uuid as u8])).expect("a name");
     assert!(snapshot.check().is_ok());
     snapshot
 }
@@ -152,13 +150,13 @@ pub(crate) fn map() -> impl Strategy<Value = Snapshot> {
 /// What a map says of a feature at a visit.
 fn statement(map: &Snapshot, key: &PlaceKey, visit: VisitId, feature: u8) -> Option<Statement> {
     let node = map.node(map.find(key)?);
-    let at = node.visits.iter().position(|it| it.id == visit)?;
+    let at = node.visits().iter().position(|it| it.id == visit)?;
     let (keypoint, descriptor) = self::feature(feature);
-    let columns = (0..node.features.len()).filter(|&i| {
-        node.features.keypoints()[i] == keypoint && node.features.descriptors()[i] == descriptor
+    let columns = (0..node.features().len()).filter(|&i| {
+        node.features().keypoints()[i] == keypoint && node.features().descriptors()[i] == descriptor
     });
     columns
-        .filter_map(|i| node.log.state(at, i))
+        .filter_map(|i| node.log().state(at, i))
         .min_by_key(|it| *it as u8)
 }
 
@@ -202,40 +200,40 @@ proptest! {
 fn contradictions_are_named() {
     let node = |pose: Option<[f64; 3]>| {
         let mut node = Node::new(place(0));
-        node.pose = pose;
+        node.set_pose(pose).expect("finite");
         node
     };
-    let with = |change: &dyn Fn(&mut Snapshot)| {
-        let meta = MapMeta {
+    let with = |change: &dyn Fn(&mut MapMeta), z: f64| {
+        let mut meta = MapMeta {
             image_size: Some((640, 480)),
             zone: Some("Europe/Prague".into()),
             ..MapMeta::new(derived_uuid("a"), "star+brief", "default")
         };
+        change(&mut meta);
         let mut map = Snapshot::empty(meta);
-        map.push_node(node(Some([1.0, 2.0, 3.0]))).expect("one");
-        change(&mut map);
+        map.push_node(node(Some([1.0, 2.0, z]))).expect("one");
         map
     };
-    let base = with(&|_| {});
+    let base = with(&|_| {}, 3.0);
     for (other, expected) in [
         (
-            with(&|map| map.meta.extractor = "orb".into()),
+            with(&|meta| meta.extractor = "orb".into(), 3.0),
             "extractor orb or star+brief",
         ),
         (
-            with(&|map| map.meta.preset = "lttl".into()),
+            with(&|meta| meta.preset = "lttl".into(), 3.0),
             "preset default or lttl",
         ),
         (
-            with(&|map| map.meta.image_size = Some((320, 240))),
+            with(&|meta| meta.image_size = Some((320, 240)), 3.0),
             "image size 320 x 240 px or 640 x 480 px",
         ),
         (
-            with(&|map| map.meta.zone = Some("UTC".into())),
+            with(&|meta| meta.zone = Some("UTC".into()), 3.0),
             "zone Europe/Prague or UTC",
         ),
         (
-            with(&|map| map.nodes[0] = Arc::new(node(Some([1.0, 2.0, 4.0])))),
+            with(&|_| {}, 4.0),
             "place `place 0` at [1.0, 2.0, 3.0] m or at [1.0, 2.0, 4.0] m",
         ),
     ] {
@@ -307,13 +305,18 @@ fn learning_a_union_again_is_learning_it_at_once() {
     held.attach(&mut parts).expect("fits");
     let again = relearn(cfg.clone(), &parts).expect("all are kept");
     assert_eq!(Quarantine::of(&again).expect("readable"), held);
-    assert!(again.nodes == whole.nodes);
+    assert!(again.nodes() == whole.nodes());
     assert!(relearn(cfg.clone(), &again).expect("all are kept") == again);
     let grouped = merge(&[&relearn(cfg.clone(), &early).expect("kept"), &again]).expect("same");
-    assert!(relearn(cfg.clone(), &grouped).expect("kept").nodes == whole.nodes);
+    assert!(relearn(cfg.clone(), &grouped).expect("kept").nodes() == whole.nodes());
     let mut forgetful = parts;
     let first = forgetful.find(&place(0)).expect("there");
-    forgetful.node_mut(first).visits[1].appearance = None;
+    let mut place = forgetful.node(first).clone().into_parts();
+    place.visits[1].appearance = None;
+    let place = Node::from_parts(place).expect("in step");
+    forgetful
+        .replace_node(first, place)
+        .expect("the same place");
     let error = relearn(cfg, &forgetful).expect_err("not kept").to_string();
     assert!(
         error.contains("place 0") && error.contains("--keep-appearances"),

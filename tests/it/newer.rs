@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use chronotope::localize::{Localizer, LocalizerConfig, PlaceSearch, Score};
-use chronotope::map::Snapshot;
+use chronotope::map::{NodeId, Snapshot, SnapshotParts};
 
 use crate::index_cache::{NUM_FEATURES, NUM_VISITS, answers, cfg, map};
 
@@ -11,8 +11,9 @@ use crate::index_cache::{NUM_FEATURES, NUM_VISITS, answers, cfg, map};
 /// visits, and a new one.
 fn two_maps(num_places: usize) -> (Arc<Snapshot>, Arc<Snapshot>) {
     let mut newer = map(num_places + 1);
-    let mut older = newer.clone();
+    let mut older = newer.clone().into_parts();
     older.nodes.truncate(num_places);
+    let older = Snapshot::from_parts(older).expect("without edges");
     let every = |step: usize, count: usize| -> Vec<bool> {
         (0..count).map(|at| !at.is_multiple_of(step)).collect()
     };
@@ -24,11 +25,14 @@ fn two_maps(num_places: usize) -> (Arc<Snapshot>, Arc<Snapshot>) {
             vec![true; NUM_FEATURES],
         ),
     ] {
-        let (left, _) = (newer.nodes[place].retained(&visits, &features)).expect("fits");
-        assert_ne!(left.features.len(), 0);
-        newer.nodes[place] = Arc::new(left);
+        let place = NodeId(place as u32);
+        let (left, _) = (newer.node(place).retained(&visits, &features)).expect("fits");
+        assert_ne!(left.features().len(), 0);
+        newer.replace_node(place, left).expect("the same place");
     }
+    let mut newer = newer.into_parts();
     newer.generation += 1;
+    let newer = Snapshot::from_parts(newer).expect("as sound as before");
     (Arc::new(older), Arc::new(newer))
 }
 
@@ -54,12 +58,13 @@ fn a_forecast_that_is_taken_over_is_the_one_that_would_be_made() {
             assert!(answers(&queried) == expected, "{cfg:?}");
             assert!(before != expected, "the maps differ");
             // The same without anything in common but contents, and without anything at all.
-            let apart = Snapshot {
-                nodes: (newer.nodes.iter())
+            let apart = Snapshot::from_parts(SnapshotParts {
+                nodes: (newer.nodes().iter())
                     .map(|node| Arc::new((**node).clone()))
                     .collect(),
-                ..(*newer).clone()
-            };
+                ..(*newer).clone().into_parts()
+            });
+            let apart = apart.expect("the same map");
             let apart = localizer.with_snapshot(Arc::new(apart)).expect("fits");
             assert!(answers(&apart) == expected, "{cfg:?}");
             if !cfg.calibrated() && candidates == PlaceSearch::Exact {
@@ -79,7 +84,7 @@ fn a_map_that_lost_places_is_one_to_go_on_with() {
     let shorter = (localizer.with_snapshot(Arc::clone(&older))).expect("fits");
     let anew = Localizer::new(older, cfg).expect("fits");
     assert!(answers(&shorter) == answers(&anew));
-    let nothing = Snapshot::empty(anew.snapshot().meta.clone());
+    let nothing = Snapshot::empty(anew.snapshot().meta().clone());
     let error = localizer
         .with_snapshot(Arc::new(nothing))
         .expect_err("no places");

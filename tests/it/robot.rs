@@ -21,7 +21,9 @@ const HEIGHT: usize = 384;
 
 fn world() -> &'static World {
     static WORLD: OnceLock<World> = OnceLock::new();
-    WORLD.get_or_init(|| World::new(&WorldConfig::new(7).num_places(NUM_PLACES)).expect("valid"))
+    WORLD.get_or_init(|| {
+        World::new(&WorldConfig::new(7).with_num_places(NUM_PLACES)).expect("valid")
+    })
 }
 
 /// A year of rounds, written once and copied for every test.
@@ -44,15 +46,13 @@ fn map_file(folder: &Path) -> PathBuf {
                 let image = world().render(place, time, round as u64);
                 let features = extractor.extract(&image, None).expect("fits");
                 learner
-                    .observe(&Observation {
-                        place: world().places()[place].clone(),
-                        session: SessionId::derive("first year"),
+                    .observe(&Observation::new(
+                        world().places()[place].clone(),
+                        SessionId::derive("first year"),
                         time,
-                        features: &features,
-                        image_size: (WIDTH as u32, HEIGHT as u32),
-                        mask: None,
-                        source: String::new(),
-                    })
+                        &features,
+                        (WIDTH as u32, HEIGHT as u32),
+                    ))
                     .expect("new");
             }
         }
@@ -122,7 +122,7 @@ fn what_is_located_is_learnt_and_the_next_answer_is_of_the_newer_map() {
             cfg.with_learning(LearnConfig::default())
         };
         let mut robot = Robot::open(&path, cfg).expect("opens");
-        let first_generation = robot.localizer().snapshot().generation;
+        let first_generation = robot.localizer().snapshot().generation();
         let mut num_committed = 0;
         for (_, time, image) in drive(6) {
             let frame = Frame::new(&image)
@@ -146,7 +146,7 @@ fn what_is_located_is_learnt_and_the_next_answer_is_of_the_newer_map() {
         assert!(num_committed >= 6, "{num_committed}");
         let (_, time, image) = drive(7).last().expect("seven");
         robot.see(&image, time).expect("fits");
-        assert!(robot.localizer().snapshot().generation > first_generation);
+        assert!(robot.localizer().snapshot().generation() > first_generation);
         let totals = robot.finish().expect("written");
         assert!(totals.num_located >= 5, "{totals:?}");
         assert_eq!(

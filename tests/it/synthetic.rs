@@ -12,7 +12,7 @@ fn at(text: &str) -> Time {
 }
 
 fn world(seed: u64, rhythms: bool) -> World {
-    let cfg = WorldConfig::new(seed).rhythms(rhythms);
+    let cfg = WorldConfig::new(seed).with_rhythms(rhythms);
     World::new(&cfg).unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -256,8 +256,8 @@ fn the_dataset_has_every_place_at_every_time() {
 fn other_sizes_and_numbers_of_places_work_and_senseless_ones_are_refused() {
     for (width, height, num_places) in [(256, 240, 1), (801, 603, 9), (1280, 1024, 2)] {
         let cfg = WorldConfig::new(1009)
-            .image_size(width, height)
-            .num_places(num_places);
+            .with_image_size(width, height)
+            .with_num_places(num_places);
         let world = World::new(&cfg).expect("a valid configuration");
         for visit in 0..20 {
             let image = world.render(num_places - 1, at("2023-02-01T08:00:00Z"), visit);
@@ -265,10 +265,10 @@ fn other_sizes_and_numbers_of_places_work_and_senseless_ones_are_refused() {
         }
     }
     for cfg in [
-        WorldConfig::new(1).num_places(0),
-        WorldConfig::new(1).num_places(1_000_000),
-        WorldConfig::new(1).image_size(0, 320),
-        WorldConfig::new(1).image_size(448, 100_000),
+        WorldConfig::new(1).with_num_places(0),
+        WorldConfig::new(1).with_num_places(1_000_000),
+        WorldConfig::new(1).with_image_size(0, 320),
+        WorldConfig::new(1).with_image_size(448, 100_000),
     ] {
         let error = World::new(&cfg).expect_err("senseless");
         assert_eq!(error.kind(), ErrorKind::Config);

@@ -35,15 +35,16 @@ fn learn(world: &World, rounds: &[Time]) -> Arc<Snapshot> {
     );
     for (round, &time) in rounds.iter().enumerate() {
         for place in 0..NUM_PLACES {
-            let observed = learner.observe(&Observation {
-                place: world.places()[place].clone(),
-                session: SessionId::derive("street"),
-                time: time.plus_us(place as i64 * 60_000_000),
-                features: &features(world, place, time, 0),
-                image_size: SIZE,
-                mask: None,
-                source: format!("{round}/{place}"),
-            });
+            let observed = learner.observe(
+                &Observation::new(
+                    world.places()[place].clone(),
+                    SessionId::derive("street"),
+                    time.plus_us(place as i64 * 60_000_000),
+                    &features(world, place, time, 0),
+                    SIZE,
+                )
+                .with_source(format!("{round}/{place}")),
+            );
             assert!(!observed.expect("learns").is_same_visit);
         }
     }
@@ -61,7 +62,7 @@ fn learn(world: &World, rounds: &[Time]) -> Arc<Snapshot> {
 
 #[test]
 fn a_way_through_the_street_is_followed_and_a_kidnapping_is_noticed() {
-    let world = World::new(&WorldConfig::new(4243).num_places(NUM_PLACES)).expect("valid");
+    let world = World::new(&WorldConfig::new(4243).with_num_places(NUM_PLACES)).expect("valid");
     let schedule = Schedule::standard(4243, 8, 4);
     let snapshot = learn(&world, &schedule.learn);
     let cfg = LocalizerConfig::default().with_selection(Selection::top(N).expect("positive"));
@@ -80,7 +81,7 @@ fn a_way_through_the_street_is_followed_and_a_kidnapping_is_noticed() {
                 .expect("a valid query");
             let is_right = |answer: &Localization| {
                 let first = answer.first().expect("places");
-                snapshot.node(first.node).key == world.places()[place]
+                *snapshot.node(first.node).key() == world.places()[place]
             };
             let is_located =
                 |answer: &Localization| is_right(answer) && answer.decision.place().is_some();

@@ -13,7 +13,7 @@ use chronotope::training::{Training, TrainingConfig};
 #[test]
 fn images_in_memory_give_the_places_of_the_same_images_in_a_folder() {
     let folder = tempfile::tempdir().unwrap();
-    let world = World::new(&WorldConfig::new(3).num_places(2)).unwrap();
+    let world = World::new(&WorldConfig::new(3).with_num_places(2)).unwrap();
     let times = [0, 9, 17].map(|hour| Time::from_s(1_700_000_000 + hour * 3_600));
     let mut dataset = world.dataset("street", &times);
     // The folder has no poses.csv.
@@ -43,10 +43,10 @@ fn images_in_memory_give_the_places_of_the_same_images_in_a_folder() {
     let (in_memory, num_learnt) =
         train(Training::to_build_from(dataset.clone(), &out, &cfg).unwrap());
     assert_eq!(num_learnt, dataset.entries.len());
-    assert_eq!(in_memory.nodes, of_folder.nodes);
+    assert_eq!(in_memory.nodes(), of_folder.nodes());
 
     let map = Map::open(&out).unwrap();
     let (again, num_learnt) = train(Training::to_update_from(map, dataset, &cfg).unwrap());
     assert_eq!(num_learnt, 0);
-    assert_eq!(again.nodes, in_memory.nodes);
+    assert_eq!(again.nodes(), in_memory.nodes());
 }

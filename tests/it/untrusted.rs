@@ -94,13 +94,13 @@ fn query_own_places(snapshot: &Arc<Snapshot>, cfg: &LocalizerConfig) {
     };
     let mut scratch = localizer.scratch();
     for (node, time) in snapshot
-        .nodes
+        .nodes()
         .iter()
         .zip([1_700_000_000, -5].map(Time::from_s))
     {
-        let query = Query::new(&node.features)
+        let query = Query::new(node.features())
             .at(time)
-            .with_image_size(snapshot.meta.image_size);
+            .with_image_size(snapshot.meta().image_size);
         if let Ok(answer) = localizer.localize(&mut scratch, &query) {
             for candidate in &answer.ranking {
                 assert!((0.0..=1.0).contains(&candidate.posterior), "{candidate:?}");
@@ -114,16 +114,14 @@ fn learn_on(snapshot: &Snapshot, cfg: &LearnConfig) {
     let Ok(mut learner) = Learner::resume(cfg.clone(), snapshot.clone()) else {
         return;
     };
-    for node in &snapshot.nodes {
-        let learnt = learner.observe(&Observation {
-            place: node.key.clone(),
-            session: SessionId::derive("fuzz"),
-            time: Time::from_s(1_700_000_000),
-            features: &node.features,
-            image_size: snapshot.meta.image_size.unwrap_or((640, 480)),
-            mask: None,
-            source: String::new(),
-        });
+    for node in snapshot.nodes() {
+        let learnt = learner.observe(&Observation::new(
+            node.key().clone(),
+            SessionId::derive("fuzz"),
+            Time::from_s(1_700_000_000),
+            node.features(),
+            snapshot.meta().image_size.unwrap_or((640, 480)),
+        ));
         drop(learnt);
     }
     if let Ok(snapshot) = learner.snapshot() {
@@ -193,8 +191,13 @@ pub(crate) fn attachment(bytes: &[u8]) {
     };
     let name = ATTACHMENTS[usize::from(first) % ATTACHMENTS.len()];
     let mut snapshot = golden().clone();
-    snapshot.attachments.clear();
-    snapshot.attachments.insert(name.into(), bytes.into());
+    for name in golden().attachments().keys() {
+        snapshot.detach(name);
+    }
+    // What no map can keep is refused.
+    if snapshot.attach(name, bytes).is_err() {
+        return;
+    }
     if let Ok(held) = Quarantine::of(&snapshot) {
         let mut again = golden().clone();
         held.attach(&mut again)
@@ -323,7 +326,7 @@ pub(crate) fn exported_folder(bytes: &[u8]) {
     std::fs::write(path.join(name), bytes).expect("writable");
     if let Ok(snapshot) = Snapshot::import(&path) {
         assert!(snapshot.check().is_ok());
-        let map = Map::create(folder.path().join("a.map"), snapshot.meta.clone()).expect("new");
+        let map = Map::create(folder.path().join("a.map"), snapshot.meta().clone()).expect("new");
         map.commit(&snapshot).expect("sound");
     }
 }
@@ -367,10 +370,10 @@ pub(crate) fn query_form(bytes: &[u8]) {
     let cfg = query_form_cfgs()[number].clone();
     let localizer = Localizer::open(folder.path().join("a.map"), cfg).expect("a sound map");
     let mut scratch = localizer.scratch();
-    for node in &localizer.snapshot().nodes {
-        let query = Query::new(&node.features)
+    for node in localizer.snapshot().nodes() {
+        let query = Query::new(node.features())
             .at(Time::from_s(1_700_000_000))
-            .with_image_size(localizer.snapshot().meta.image_size);
+            .with_image_size(localizer.snapshot().meta().image_size);
         drop(localizer.localize(&mut scratch, &query));
     }
 }

@@ -18,8 +18,8 @@ pub struct ChronotopeMap {
 
 /// The names of a map's places, by node.
 pub(crate) fn names_of(snapshot: &Snapshot) -> Vec<CString> {
-    (snapshot.nodes.iter())
-        .map(|node| c_text(node.key.as_str()))
+    (snapshot.nodes().iter())
+        .map(|node| c_text(node.key().as_str()))
         .collect()
 }
 
@@ -95,12 +95,12 @@ pub unsafe extern "C" fn chronotope_map_place_pose(
     is_known: *mut bool,
 ) -> ChronotopeStatus {
     guarded(|| {
-        let nodes = &shared(map)?.snapshot.nodes;
+        let nodes = shared(map)?.snapshot.nodes();
         let node = nodes
             .get(node)
             .ok_or(Failure::Argument("there is no such node"))?;
-        written(is_known, node.pose.is_some())?;
-        written(xyz.cast::<[f64; 3]>(), node.pose.unwrap_or_default())
+        written(is_known, node.pose().is_some())?;
+        written(xyz.cast::<[f64; 3]>(), node.pose().unwrap_or_default())
     })
 }
 
@@ -117,7 +117,7 @@ pub unsafe extern "C" fn chronotope_map_image_size(
     height: *mut u32,
 ) -> ChronotopeStatus {
     guarded(|| {
-        let size = shared(map)?.snapshot.meta.image_size.unwrap_or_default();
+        let size = shared(map)?.snapshot.meta().image_size.unwrap_or_default();
         written(width, size.0)?;
         written(height, size.1)
     })

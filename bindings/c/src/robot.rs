@@ -94,7 +94,7 @@ pub unsafe extern "C" fn chronotope_robot_open(
         }
         let robot = Robot::open(path, cfg)?;
         let snapshot = robot.localizer().snapshot();
-        let names = (snapshot.generation, names_of(snapshot));
+        let names = (snapshot.generation(), names_of(snapshot));
         boxed(out, ChronotopeRobot { robot, names })
     })
 }
@@ -133,8 +133,8 @@ pub unsafe extern "C" fn chronotope_robot_see(
         }
         robot.robot.see_frame(&frame)?;
         let snapshot = robot.robot.localizer().snapshot();
-        if robot.names.0 != snapshot.generation {
-            robot.names = (snapshot.generation, names_of(snapshot));
+        if robot.names.0 != snapshot.generation() {
+            robot.names = (snapshot.generation(), names_of(snapshot));
         }
         let num_features = robot.robot.features().len();
         written(

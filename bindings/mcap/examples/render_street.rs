@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let folder = PathBuf::from(arguments.next().ok_or("name a folder")?);
     let num_visits: i64 = arguments.next().map_or(Ok(6), |number| number.parse())?;
-    let world = World::new(&WorldConfig::new(7).num_places(NUM_PLACES))?;
+    let world = World::new(&WorldConfig::new(7).with_num_places(NUM_PLACES))?;
     std::fs::create_dir_all(folder.join("camera/image"))?;
     let mut index = String::from("path,place,time\n");
     for visit in 0..num_visits {

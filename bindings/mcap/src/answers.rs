@@ -108,7 +108,7 @@ impl<'a> Answer<'a> {
     /// What `robot` said of the image that it saw last.
     pub fn of(robot: &'a Robot, image: &'a str, time: Time, truth: Option<&'a PlaceKey>) -> Self {
         let (localizer, answer) = (robot.localizer(), robot.answer());
-        let key = |id: NodeId| &localizer.snapshot().node(id).key;
+        let key = |id: NodeId| localizer.snapshot().node(id).key();
         let share = |candidate: &Candidate| Share {
             place: key(candidate.node),
             score: candidate.score,
@@ -147,7 +147,7 @@ impl<'a> Answer<'a> {
             num_inliers: first.map_or(0, |first| first.num_inliers),
             num_features: robot.features().len(),
             method: localizer.cfg().method().name(),
-            map_generation: localizer.snapshot().generation,
+            map_generation: localizer.snapshot().generation(),
             duration_ms: (timing.extract + timing.localize).as_secs_f64() * 1e3,
             truth,
             predicted: first.map_or_else(Vec::new, |first| predicted(localizer, first)),
@@ -176,7 +176,7 @@ impl<'a> Answer<'a> {
 fn predicted(localizer: &Localizer, candidate: &Candidate) -> Vec<Predicted> {
     let node = localizer.snapshot().node(candidate.node);
     let appearance = (candidate.appearance)
-        .and_then(|visit| node.visits.get(visit as usize))
+        .and_then(|visit| node.visits().get(visit as usize))
         .and_then(|visit| visit.appearance.as_ref());
     let keypoints: Vec<Keypoint> = match appearance {
         Some(features) => {
@@ -184,7 +184,7 @@ fn predicted(localizer: &Localizer, candidate: &Candidate) -> Vec<Predicted> {
             features.view().prefix(largest).keypoints.to_vec()
         }
         None => (candidate.predicted.iter())
-            .filter_map(|&id| node.features.keypoints().get(id as usize).copied())
+            .filter_map(|&id| node.features().keypoints().get(id as usize).copied())
             .collect(),
     };
     let mut states: BTreeMap<u32, State> = BTreeMap::new();

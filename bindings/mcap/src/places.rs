@@ -94,14 +94,14 @@ impl Founder {
             by_cell: HashMap::new(),
             next_number: 1,
         };
-        for node in known.iter().flat_map(|snapshot| &snapshot.nodes) {
-            let (number, heading) = parts_of(node.key.as_str());
+        for node in known.iter().flat_map(|snapshot| snapshot.nodes()) {
+            let (number, heading) = parts_of(node.key().as_str());
             if let Some(number) = number {
                 founder.next_number = founder.next_number.max(number + 1);
             }
-            if let Some(position) = node.pose {
+            if let Some(position) = node.pose() {
                 founder.add(Site {
-                    key: node.key.clone(),
+                    key: node.key().clone(),
                     placement: Placement { position, heading },
                 });
             }

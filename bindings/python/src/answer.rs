@@ -78,7 +78,7 @@ fn displacement(candidate: &Candidate) -> (Option<[f64; 2]>, Option<[f64; 2]>) {
 
 impl Told {
     fn key(&self, node: NodeId) -> &PlaceKey {
-        &self.snapshot.node(node).key
+        self.snapshot.node(node).key()
     }
 
     fn decision(&self) -> (&'static str, Option<&PlaceKey>) {
@@ -98,7 +98,7 @@ impl Told {
             [keypoint.x, keypoint.y]
         };
         if let Some(visit) = candidate.appearance {
-            let appearance = (node.visits.get(visit as usize)).and_then(|it| it.appearance.clone());
+            let appearance = (node.visits().get(visit as usize)).and_then(|it| it.appearance.clone());
             let Some(features) = appearance else {
                 return Vec::new();
             };
@@ -107,7 +107,7 @@ impl Told {
                 .collect();
         }
         (candidate.predicted.iter().zip(&candidate.probabilities))
-            .map(|(&id, &p)| (id, at(&node.features, id), p))
+            .map(|(&id, &p)| (id, at(node.features(), id), p))
             .collect()
     }
 

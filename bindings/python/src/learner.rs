@@ -83,7 +83,7 @@ impl PyLearner {
                 .with_help("change the rights or copy it")
                 .into());
         }
-        let meta = map.snapshot().meta.clone();
+        let meta = map.snapshot().meta().clone();
         let cfg = overlaid(
             LearnConfig::preset(preset_of(&meta)),
             config.as_ref(),
@@ -126,15 +126,10 @@ impl PyLearner {
         let place = PlaceKey::written(place)?;
         let time = time_of(&time.0)?;
         let mask = mask.map(|mask| mask_of(&mask.0)).transpose()?;
-        let mut observation = Observation {
-            place,
-            session: self.session,
-            time,
-            features: &Features::new(),
-            image_size: (0, 0),
-            mask: mask.as_ref(),
-            source: name.to_owned(),
-        };
+        let nothing = Features::new();
+        let mut observation =
+            Observation::new(place, self.session, time, &nothing, (0, 0)).with_source(name);
+        observation.mask = mask.as_ref();
         let mut circumstances = Circumstances {
             now: Some(Time::now()),
             is_live: false,
@@ -160,11 +155,9 @@ impl PyLearner {
                 self.extractor
                     .extract_into(view, mask.as_ref(), &mut features)?;
                 circumstances.gray_range = view.gray_range(mask.as_ref());
-                let observation = Observation {
-                    features: &features,
-                    image_size: view.size(),
-                    ..observation
-                };
+                let mut observation = observation;
+                observation.features = &features;
+                observation.image_size = view.size();
                 learner.observe(&observation, &circumstances)
             })?
         };
@@ -191,7 +184,7 @@ impl PyLearner {
     /// Writes what was learnt as a generation of the file, and gives its number; on top of what others
     /// have committed meanwhile.
     fn commit(&self, py: Python<'_>) -> Result<u64> {
-        self.with(py, |learner| Ok(learner.commit()?.snapshot.generation))
+        self.with(py, |learner| Ok(learner.commit()?.snapshot.generation()))
     }
 
     /// Commits, and lets go of the file.

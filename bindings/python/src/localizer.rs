@@ -98,7 +98,7 @@ struct Done {
 
 impl PyLocalizer {
     fn of(localizer: Localizer, path: Option<PathBuf>, finder: PictureFinder) -> Result<Self> {
-        let extractor = ExtractorConfig::from_id(&localizer.snapshot().meta.extractor)
+        let extractor = ExtractorConfig::from_id(&localizer.snapshot().meta().extractor)
             .and_then(|extractor| extractor.build())
             .map_err(|error| match path {
                 Some(path) => error.with_path(path).with_place("extractor"),
@@ -192,7 +192,7 @@ impl PyLocalizer {
         time: Option<Time>,
         mask: Option<&GrayImage>,
     ) -> Result<Done, Error> {
-        let size = self.localizer.snapshot().meta.image_size;
+        let size = self.localizer.snapshot().meta().image_size;
         let mut scratch = self.scratch();
         let (features, image_size) = match *task {
             Task::Features(features, image_size) => (Arc::clone(features), image_size),
@@ -379,7 +379,7 @@ impl PyLocalizer {
             let map = map.get().open()?;
             let path = map.path().to_owned();
             let snapshot = map.snapshot();
-            let cfg = wanted.over(&snapshot.meta)?;
+            let cfg = wanted.over(snapshot.meta())?;
             let cfg = without_clock(&wanted, &cfg, &snapshot).unwrap_or(cfg);
             let localizer = interruptible(py, move || Localizer::new(snapshot, cfg))
                 .map_err(|failure| with_path(failure, &path))?;
@@ -573,20 +573,20 @@ impl PyLocalizer {
     /// The names of the places, in the order of the map.
     #[getter]
     fn places(&self) -> Vec<String> {
-        let nodes = self.localizer.snapshot().nodes.iter();
-        nodes.map(|node| node.key.as_str().to_owned()).collect()
+        let nodes = self.localizer.snapshot().nodes().iter();
+        nodes.map(|node| node.key().as_str().to_owned()).collect()
     }
 
     /// Width and height in px of the images that the map was learnt from; None while it is empty.
     #[getter]
     fn image_size(&self) -> Option<(u32, u32)> {
-        self.localizer.snapshot().meta.image_size
+        self.localizer.snapshot().meta().image_size
     }
 
     /// Which commit of the map it reads.
     #[getter]
     fn generation(&self) -> u64 {
-        self.localizer.snapshot().generation
+        self.localizer.snapshot().generation()
     }
 
     fn __repr__(&self) -> String {
@@ -594,8 +594,8 @@ impl PyLocalizer {
         format!(
             "<Localizer by {} in {} places, generation {}>",
             self.method(),
-            snapshot.nodes.len(),
-            snapshot.generation
+            snapshot.nodes().len(),
+            snapshot.generation()
         )
     }
 }

@@ -95,9 +95,9 @@ impl PyMap {
         let found = known_or_written(&snapshot, key)?;
         let id = snapshot.find(&found).ok_or_else(|| {
             let mut known: Vec<_> = snapshot
-                .nodes
+                .nodes()
                 .iter()
-                .map(|node| node.key.as_str())
+                .map(|node| node.key().as_str())
                 .collect();
             let more = if known.len() > 20 { ", ..." } else { "" };
             known.truncate(20);
@@ -262,7 +262,7 @@ impl PyMap {
     ) -> Result<PyReport> {
         let map = self.open()?;
         let data = path_of(&data)?;
-        let preset = preset_of(&map.snapshot().meta);
+        let preset = preset_of(map.snapshot().meta());
         let cfg = learn_config(preset, config.as_ref(), keep_appearances)?;
         let cfg = TrainingConfig::new(preset, cfg).with_num_threads(checked_threads(threads)?);
         let open = if map.is_read_only() {
@@ -306,7 +306,7 @@ impl PyMap {
             .collect::<Result<Vec<_>>>()?;
         let path = path_of(&path)?;
         let cfg = relearn
-            .then(|| learn_config(preset_of(&maps[0].1.meta), config.as_ref(), None))
+            .then(|| learn_config(preset_of(maps[0].1.meta()), config.as_ref(), None))
             .transpose()?;
         let map = detached(py, || map_changes::merge(&maps, &path, disjoint, cfg))?;
         Ok(Self::of(map))
@@ -371,7 +371,7 @@ impl PyMap {
     /// Which commit was read last, counted from 0.
     #[getter]
     fn generation(&self) -> Result<u64> {
-        Ok(self.snapshot()?.generation)
+        Ok(self.snapshot()?.generation())
     }
 
     /// What the last ``build`` has learnt and left out; None for a map that was opened.
@@ -389,7 +389,7 @@ impl PyMap {
             snapshot: Arc::clone(&snapshot),
             id: NodeId(at),
         };
-        Ok((0..snapshot.nodes.len() as u32).map(place).collect())
+        Ok((0..snapshot.nodes().len() as u32).map(place).collect())
     }
 
     /// The place of this name.
@@ -410,14 +410,14 @@ impl PyMap {
     }
 
     fn __len__(&self) -> Result<usize> {
-        Ok(self.snapshot()?.nodes.len())
+        Ok(self.snapshot()?.nodes().len())
     }
 
     /// The ways between places: (from, to, name).
     #[getter]
     fn edges(&self) -> Result<Vec<(String, String, String)>> {
         let snapshot = self.snapshot()?;
-        let edges = snapshot.edges.iter();
+        let edges = snapshot.edges().iter();
         Ok(edges
             .map(|it| (it.from.to_string(), it.to.to_string(), it.name.clone()))
             .collect())
@@ -494,7 +494,7 @@ impl PyMap {
         ids: Option<Vec<String>>,
         config: Option<ConfigLike<'_>>,
     ) -> Result<u64> {
-        let cfg = learn_config(preset_of(&self.snapshot()?.meta), config.as_ref(), None)?;
+        let cfg = learn_config(preset_of(self.snapshot()?.meta()), config.as_ref(), None)?;
         self.changed(py, |map| {
             let ids = map_changes::held_ids(map, ids.as_deref(), false)?;
             map_changes::accept(map, &ids, &cfg)
@@ -547,14 +547,14 @@ impl PyMap {
     /// Reads what other processes have committed, and gives the newest generation.
     fn refresh(&self, py: Python<'_>) -> Result<u64> {
         let map = self.open()?;
-        Ok(detached(py, || map.refresh())?.generation)
+        Ok(detached(py, || map.refresh())?.generation())
     }
 
     /// Works out once what matches in this map are worth and keeps it with it, so that localizers
     /// start at once; gives the number of past images, or None if it was known.
     #[pyo3(signature = (*, config=None))]
     fn calibrate(&self, py: Python<'_>, config: Option<ConfigLike<'_>>) -> Result<Option<usize>> {
-        let preset = preset_of(&self.snapshot()?.meta);
+        let preset = preset_of(self.snapshot()?.meta());
         let cfg = overlaid(LocalizerConfig::preset(preset), config.as_ref(), "config")?;
         self.changed(py, |map| map_changes::calibrate(map, cfg))
     }
@@ -643,7 +643,7 @@ impl PyMap {
         config: Option<&ConfigLike<'_>>,
     ) -> Result<Vec<PyPredictedMap>> {
         let (snapshot, id) = self.find(place)?;
-        let base = LocalizerConfig::preset(preset_of(&snapshot.meta));
+        let base = LocalizerConfig::preset(preset_of(snapshot.meta()));
         let mut cfg = overlaid(base, config, "config")?;
         if let Some(n) = n {
             cfg = cfg.with_selection(Selection::top(n).map_err(|error| error.with_place("n"))?);
@@ -691,39 +691,39 @@ impl PyPlace {
     /// Its name.
     #[getter]
     fn name(&self) -> &str {
-        self.node().key.as_str()
+        self.node().key().as_str()
     }
 
     /// Position in metres in a frame of the user's, where known.
     #[getter]
     fn pose(&self) -> Option<(f64, f64, f64)> {
-        self.node().pose.map(|[x, y, z]| (x, y, z))
+        self.node().pose().map(|[x, y, z]| (x, y, z))
     }
 
     /// Its features, in order of birth.
     #[getter]
     fn features(&self) -> PyFeatures {
-        let size = self.snapshot.meta.image_size;
-        PyFeatures::of(Arc::new(self.node().features.clone()), size)
+        let size = self.snapshot.meta().image_size;
+        PyFeatures::of(Arc::new(self.node().features().clone()), size)
     }
 
     /// Positions of the features, float32 (n, 2), px.
     #[getter]
     fn xy<'py>(&self, py: Python<'py>) -> Result<Points<'py>> {
-        Ok(Points(xy_of(py, self.node().features.keypoints())?))
+        Ok(Points(xy_of(py, self.node().features().keypoints())?))
     }
 
     /// Their descriptors, uint8 (n, 32).
     #[getter]
     fn descriptors<'py>(&self, py: Python<'py>) -> Result<Descriptors<'py>> {
-        let bytes = (self.node().features.descriptors().iter()).flat_map(|it| it.to_bytes());
+        let bytes = (self.node().features().descriptors().iter()).flat_map(|it| it.to_bytes());
         Ok(Descriptors(table(py, bytes.collect(), 32)?))
     }
 
     /// When each visit was, int64 (m,), microseconds since 1970 in UTC: ``.view("datetime64[us]")``.
     #[getter]
     fn visit_times_us<'py>(&self, py: Python<'py>) -> Result<Stamps<'py>> {
-        let times = self.node().visits.iter().map(|it| it.time.as_us());
+        let times = self.node().visits().iter().map(|it| it.time.as_us());
         Ok(Stamps(column(py, times.collect())?))
     }
 
@@ -731,7 +731,7 @@ impl PyPlace {
     #[getter]
     fn visit_sources(&self) -> Vec<String> {
         self.node()
-            .visits
+            .visits()
             .iter()
             .map(|it| it.source.clone())
             .collect()
@@ -741,7 +741,7 @@ impl PyPlace {
     #[getter]
     fn visit_sessions(&self) -> Vec<String> {
         self.node()
-            .visits
+            .visits()
             .iter()
             .map(|it| it.session.to_string())
             .collect()
@@ -751,7 +751,7 @@ impl PyPlace {
     #[getter]
     fn visit_ids(&self) -> Vec<String> {
         self.node()
-            .visits
+            .visits()
             .iter()
             .map(|it| it.id.to_string())
             .collect()
@@ -761,7 +761,7 @@ impl PyPlace {
     /// its birth, or under a mask).
     fn seen<'py>(&self, py: Python<'py>) -> Result<Ternary<'py>> {
         use chronotope::visibility::FeatureState;
-        let log = &self.node().log;
+        let log = self.node().log();
         let (num_visits, num_features) = (log.num_visits(), log.num_features());
         let mut states = Vec::with_capacity(num_visits * num_features);
         for visit in 0..num_visits {
@@ -781,16 +781,16 @@ impl PyPlace {
 
     /// How many features it has.
     fn __len__(&self) -> usize {
-        self.node().features.len()
+        self.node().features().len()
     }
 
     fn __repr__(&self) -> String {
         let node = self.node();
         format!(
             "<Place '{}': {} visits, {} features>",
-            node.key,
-            node.visits.len(),
-            node.features.len()
+            node.key(),
+            node.visits().len(),
+            node.features().len()
         )
     }
 }

@@ -131,7 +131,7 @@ fn session_of(snapshot: &Snapshot, text: &str) -> SessionId {
         .then(|| u128::from_str_radix(&digits, 16).ok())
         .flatten();
     let is_known = |session: SessionId| {
-        let mut visits = snapshot.nodes.iter().flat_map(|node| &node.visits);
+        let mut visits = snapshot.nodes().iter().flat_map(|node| node.visits());
         visits.any(|visit| visit.session == session)
     };
     match uuid.map(SessionId) {
@@ -157,12 +157,12 @@ pub(crate) fn remove_edge(map: &Map, from: &str, to: &str, name: Option<&str>) -
     map.update(|snapshot| {
         let mut snapshot = snapshot.clone();
         let (from, to) = (PlaceKey::written(from)?, PlaceKey::written(to)?);
-        let num_before = snapshot.edges.len();
-        snapshot.edges.retain(|edge| {
+        let num_before = snapshot.edges().len();
+        snapshot.retain_edges(|edge| {
             let is_meant = (&edge.from, &edge.to) == (&from, &to);
             !(is_meant && name.is_none_or(|name| name == edge.name))
         });
-        if snapshot.edges.len() == num_before {
+        if snapshot.edges().len() == num_before {
             let what = format!("there is no such edge from `{from}` to `{to}`");
             return Err(Error::new(ErrorKind::NotFound, what).with_help("map.edges shows all"));
         }
@@ -212,13 +212,12 @@ pub(crate) fn calibrate(map: &Map, cfg: LocalizerConfig) -> Result<Option<usize>
             .with_path(map.path())
             .with_help("set config={\"calibrated\": True}"));
     };
-    if snapshot.attachments.get(ATTACHMENT) == Some(&bytes) {
+    if snapshot.attachments().get(ATTACHMENT) == Some(&bytes) {
         return Ok(None);
     }
     map.update(|snapshot| {
         let mut next = Snapshot::clone(snapshot);
-        let bytes = Arc::clone(&bytes);
-        next.attachments.insert(ATTACHMENT.to_owned(), bytes);
+        next.attach(ATTACHMENT, Arc::clone(&bytes))?;
         Ok(next)
     })?;
     Ok(Some(calibration.num_images()))

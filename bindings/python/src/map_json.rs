@@ -22,10 +22,10 @@ fn hex(bytes: &[u8]) -> String {
 /// `chronotope map inspect --json`.
 pub(crate) fn inspect(path: &Path, snapshot: &Snapshot) -> Value {
     let summary = snapshot.summary();
-    let meta = &snapshot.meta;
+    let meta = snapshot.meta();
     let num_bytes = std::fs::metadata(path).map_or(0, |file| file.len());
     let text = |time: Option<Time>| time.map(|time| time.to_string());
-    let places: Vec<_> = snapshot.nodes.iter().map(|node| place(node)).collect();
+    let places: Vec<_> = snapshot.nodes().iter().map(|node| place(node)).collect();
     json!({
         "map": path,
         "num_bytes": num_bytes,
@@ -46,23 +46,23 @@ pub(crate) fn inspect(path: &Path, snapshot: &Snapshot) -> Value {
         "first": text(summary.first),
         "last": text(summary.last),
         "places": places,
-        "edges": snapshot.edges,
+        "edges": snapshot.edges(),
     })
 }
 
 fn place(node: &Node) -> Value {
     let (first, last) = node.time_span().unzip();
-    let experiences = (node.visits.iter())
+    let experiences = (node.visits().iter())
         .filter(|visit| visit.appearance_use == AppearanceUse::Experience)
         .count();
     json!({
-        "key": node.key,
-        "num_visits": node.visits.len(),
-        "num_features": node.features.len(),
+        "key": node.key(),
+        "num_visits": node.visits().len(),
+        "num_features": node.features().len(),
         "num_experiences": experiences,
         "first": first.map(|time| time.to_string()),
         "last": last.map(|time| time.to_string()),
-        "pose": node.pose,
+        "pose": node.pose(),
     })
 }
 
@@ -120,7 +120,7 @@ pub(crate) fn log(generations: &[Generation], newest: &Snapshot) -> Vec<Value> {
 /// The runs whose visits a map holds, in order of their first one.
 fn sessions_of(snapshot: &Snapshot) -> Vec<Value> {
     let mut runs: BTreeMap<SessionId, (usize, Time, Time)> = BTreeMap::new();
-    for visit in snapshot.nodes.iter().flat_map(|node| &node.visits) {
+    for visit in snapshot.nodes().iter().flat_map(|node| node.visits()) {
         let run = runs
             .entry(visit.session)
             .or_insert((0, visit.time, visit.time));
@@ -182,15 +182,15 @@ impl Predicted {
         let node = localizer.snapshot().node(id);
         let sure = localizer.cautious_model(id)?;
         let mut this = Self {
-            place: node.key.as_str().to_owned(),
+            place: node.key().as_str().to_owned(),
             time,
-            num_features: node.features.len(),
+            num_features: node.features().len(),
             ids: predicted.features().to_vec(),
             xy: Vec::new(),
             p: Vec::new(),
         };
         for (&id, &p) in predicted.features().iter().zip(predicted.probabilities()) {
-            let keypoint = node.features.keypoints()[id as usize];
+            let keypoint = node.features().keypoints()[id as usize];
             let at = sure.estimate(id as usize, time);
             this.xy.extend([keypoint.x, keypoint.y]);
             this.p.extend([p, at.low.min(p), at.high.max(p)]);

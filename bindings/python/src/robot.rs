@@ -348,10 +348,10 @@ impl PyTracker {
     fn new(localizer: &PyLocalizer, config: Option<ConfigLike<'_>>) -> Result<Self> {
         let motion = overlaid(MotionConfig::default(), config.as_ref(), "config")?;
         let localizer = &localizer.localizer;
-        let nodes = localizer.snapshot().nodes.iter();
+        let nodes = localizer.snapshot().nodes().iter();
         Ok(Self {
             cfg: localizer.cfg().clone(),
-            places: nodes.map(|node| node.key.to_string()).collect(),
+            places: nodes.map(|node| node.key().to_string()).collect(),
             tracker: Mutex::new(Tracker::new(localizer, motion)?),
         })
     }

@@ -47,7 +47,7 @@ pub(crate) fn without_clock(
 ) -> Option<LocalizerConfig> {
     /// Before this no camera's clock was right: 2000-01-01.
     const FIRST_TIME: Time = Time::from_s(946_684_800);
-    let is_preset = cfg.method() == LocalizerConfig::preset(preset_of(&snapshot.meta)).method();
+    let is_preset = cfg.method() == LocalizerConfig::preset(preset_of(snapshot.meta())).method();
     let last = snapshot.summary().last;
     let only_counts = last.is_some_and(|last| last < FIRST_TIME);
     (is_preset && wanted.method.is_none() && only_counts).then(|| {

@@ -34,9 +34,9 @@ impl PyStreet {
     ) -> Result<Self> {
         let (width, height) = image_size;
         let cfg = WorldConfig::new(seed)
-            .num_places(num_places)
-            .rhythms(rhythms)
-            .image_size(width, height);
+            .with_num_places(num_places)
+            .with_rhythms(rhythms)
+            .with_image_size(width, height);
         Ok(Self {
             world: World::new(&cfg)?,
             seed,

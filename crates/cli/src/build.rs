@@ -147,7 +147,7 @@ pub(super) fn run(args: &BuildArgs, out: &mut Output) -> Result<Outcome> {
 
 pub(super) fn update(args: &UpdateArgs, out: &mut Output) -> Result<Outcome> {
     let map = Map::open(&args.map)?;
-    let mut config = Config::read_for(&map.snapshot().meta, args.config.as_deref())?;
+    let mut config = Config::read_for(map.snapshot().meta(), args.config.as_deref())?;
     if let Some(keep) = args.keep_appearances {
         config.learn = config.learn.with_keep_appearances(keep.into());
     }

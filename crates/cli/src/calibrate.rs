@@ -33,7 +33,7 @@ pub(super) struct CalibrateArgs {
 pub(super) fn run(args: &CalibrateArgs, out: &mut Output) -> Result<Outcome> {
     let map = Map::open(&args.map)?;
     let snapshot = map.snapshot();
-    let config = Config::read_for(&snapshot.meta, args.config.as_deref())?;
+    let config = Config::read_for(snapshot.meta(), args.config.as_deref())?;
     let localizer = Localizer::new(Arc::clone(&snapshot), config.localize)
         .map_err(|error| error.with_path(&args.map))?;
     let (Some(calibration), Some(bytes)) = (localizer.calibration(), localizer.to_attachment()?)
@@ -46,15 +46,14 @@ pub(super) fn run(args: &CalibrateArgs, out: &mut Output) -> Result<Outcome> {
         );
     };
     let name = args.map.display();
-    if snapshot.attachments.get(ATTACHMENT) == Some(&bytes) {
+    if snapshot.attachments().get(ATTACHMENT) == Some(&bytes) {
         out.line(format_args!("{name}: calibrated already"))?;
         return Ok(Outcome::Good);
     }
     // Of what another process has committed meanwhile it says nothing, which its key tells.
     let generation = map.update(|snapshot| {
         let mut next = Snapshot::clone(snapshot);
-        let bytes = Arc::clone(&bytes);
-        next.attachments.insert(ATTACHMENT.to_owned(), bytes);
+        next.attach(ATTACHMENT, Arc::clone(&bytes))?;
         Ok(next)
     })?;
     let num_images = calibration.num_images();

@@ -70,7 +70,7 @@ pub(super) fn run(args: &EdgeArgs, out: &mut Output) -> Result<Outcome> {
         Map::open(&args.map)?
     };
     if let EdgeCommand::List { json } = &args.command {
-        for edge in &map.snapshot().edges {
+        for edge in map.snapshot().edges() {
             if *json {
                 out.json(&json!(edge))?;
             } else {
@@ -83,14 +83,14 @@ pub(super) fn run(args: &EdgeArgs, out: &mut Output) -> Result<Outcome> {
     let mut num_before = 0;
     let generation = map
         .update(|snapshot| {
-            num_before = snapshot.edges.len();
+            num_before = snapshot.edges().len();
             changed(snapshot, &args.command)
         })
         .map_err(|error| error.with_path(&args.map))?;
     out.line(format_args!(
         "{}: {} edges, {num_before} before, generation {generation}",
         args.map.display(),
-        map.snapshot().edges.len()
+        map.snapshot().edges().len()
     ))?;
     Ok(Outcome::Good)
 }
@@ -98,7 +98,7 @@ pub(super) fn run(args: &EdgeArgs, out: &mut Output) -> Result<Outcome> {
 /// The map with an edge more or less.
 fn changed(snapshot: &Snapshot, command: &EdgeCommand) -> chronotope::Result<Snapshot> {
     let mut snapshot = snapshot.clone();
-    let num_before = snapshot.edges.len();
+    let num_before = snapshot.edges().len();
     match command {
         EdgeCommand::List { .. } => {}
         EdgeCommand::Add(ends) => {
@@ -109,11 +109,11 @@ fn changed(snapshot: &Snapshot, command: &EdgeCommand) -> chronotope::Result<Sna
             })?;
         }
         EdgeCommand::Remove(ends) => {
-            snapshot.edges.retain(|edge| {
+            snapshot.retain_edges(|edge| {
                 let is_meant = (&edge.from, &edge.to) == (&ends.from, &ends.to);
                 !(is_meant && ends.name.as_ref().is_none_or(|name| *name == edge.name))
             });
-            if snapshot.edges.len() == num_before {
+            if snapshot.edges().len() == num_before {
                 let what = format!(
                     "there is no such edge from `{}` to `{}`",
                     ends.from, ends.to

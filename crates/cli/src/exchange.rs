@@ -111,8 +111,8 @@ pub(super) fn export(args: &ExportArgs, out: &mut Output) -> Result<Outcome> {
     out.line(format_args!(
         "{}: {} places, {} ways",
         folder.display(),
-        snapshot.nodes.len(),
-        snapshot.edges.len()
+        snapshot.nodes().len(),
+        snapshot.edges().len()
     ))?;
     Ok(Outcome::Good)
 }
@@ -152,12 +152,16 @@ fn import_ways(from: &[PathBuf], path: &Path, out: &mut Output) -> Result<Outcom
         note!("problem: {}: the map has no place `{name}`", file.display());
     }
     let snapshot = map.snapshot();
-    let num_posed = snapshot.nodes.iter().filter(|it| it.pose.is_some()).count();
+    let num_posed = snapshot
+        .nodes()
+        .iter()
+        .filter(|it| it.pose().is_some())
+        .count();
     out.line(format_args!(
         "{}: {} places, {num_posed} of them with positions, {} edges, generation {generation}",
         path.display(),
-        snapshot.nodes.len(),
-        snapshot.edges.len()
+        snapshot.nodes().len(),
+        snapshot.edges().len()
     ))?;
     Ok(Outcome::of_check(unknown.is_empty()))
 }
@@ -189,7 +193,7 @@ fn import_yaml(files: &[PathBuf]) -> Result<Snapshot> {
     }
     // The same places give the same map.
     let seed: Vec<String> = (nodes.iter())
-        .flat_map(|node| node.visits.iter().map(|visit| visit.id.to_string()))
+        .flat_map(|node| node.visits().iter().map(|visit| visit.id.to_string()))
         .collect();
     let uuid = derived_uuid(&seed.join("\n"));
     let mut snapshot = Snapshot::empty(MapMeta::new(uuid, extractor.id(), Preset::Lttl.name()));
@@ -216,14 +220,14 @@ fn node_of(key: PlaceKey, place: &FileStorageMap) -> chronotope::Result<Node> {
                     features
                 });
         let visit = Visit {
-            id: VisitId::derive(session, &node.key, time, &features_digest(&features)),
+            id: VisitId::derive(session, node.key(), time, &features_digest(&features)),
             session,
             time,
             source: format!("visit {number}"),
             appearance: None,
             appearance_use: AppearanceUse::Recognised,
         };
-        if node.visits.iter().any(|known| known.id == visit.id) {
+        if node.visits().iter().any(|known| known.id == visit.id) {
             return Err(Error::new(
                 ErrorKind::Format,
                 format!("visit {number} is the same as an earlier one, at {time}"),

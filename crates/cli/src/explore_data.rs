@@ -148,13 +148,13 @@ fn is_map(path: &Path) -> fremen::Result<bool> {
 
 /// The features of each place of a map, by their natural rhythms and the clocks of the map's zone.
 fn of_map(snapshot: &Snapshot, since: Time, before: Time) -> fremen::Result<Known> {
-    let zone = snapshot.meta.civil_zone()?;
+    let zone = snapshot.meta().civil_zone()?;
     let wall = |time: Time| zone.as_ref().map_or(time, |zone| zone.wall(time));
     let mut fitted = Fitted::new();
     let (mut num_later, mut lately) = (0, Vec::new());
-    for (place, node) in snapshot.nodes.iter().enumerate() {
+    for (place, node) in snapshot.nodes().iter().enumerate() {
         let mut log = HistoryLog::new();
-        for (visit, &time) in node.log.times().iter().enumerate() {
+        for (visit, &time) in node.log().times().iter().enumerate() {
             if time >= before {
                 num_later += 1;
                 continue;
@@ -162,12 +162,12 @@ fn of_map(snapshot: &Snapshot, since: Time, before: Time) -> fremen::Result<Know
             if time >= since {
                 lately.push((time, place));
             }
-            let hidden = node.log.hidden_row(visit).cloned();
-            log.push_visit(wall(time), node.log.seen_row(visit).clone(), hidden)?;
+            let hidden = node.log().hidden_row(visit).cloned();
+            log.push_visit(wall(time), node.log().seen_row(visit).clone(), hidden)?;
         }
         let model = fit(&log, &VisibilityConfig::natural(), Visits::All)?;
         let last = log.times().iter().max().copied();
-        fitted.push(node.key.as_str(), model, log.num_visits() as f64, last)?;
+        fitted.push(node.key().as_str(), model, log.num_visits() as f64, last)?;
     }
     Ok(Known {
         explored: Box::new(fitted),

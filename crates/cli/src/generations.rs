@@ -159,7 +159,7 @@ struct Run {
 /// The runs whose visits a map holds, in order of their first one.
 fn sessions_of(snapshot: &Snapshot) -> Vec<(SessionId, Run)> {
     let mut runs: BTreeMap<SessionId, Run> = BTreeMap::new();
-    for visit in snapshot.nodes.iter().flat_map(|node| &node.visits) {
+    for visit in snapshot.nodes().iter().flat_map(|node| node.visits()) {
         let run = runs.entry(visit.session).or_insert(Run {
             num_visits: 0,
             first: visit.time,
@@ -186,7 +186,7 @@ fn line_of(generations: &[Generation]) -> BTreeSet<u64> {
 
 pub(super) fn rollback(args: &RollbackArgs, out: &mut Output) -> Result<Outcome> {
     let map = Map::open(&args.map)?;
-    let before = map.snapshot().generation;
+    let before = map.snapshot().generation();
     let generation = map.rollback(args.to)?;
     let state = contents(&map.snapshot().summary(), "");
     if generation == before {

@@ -139,7 +139,7 @@ pub(super) fn held(args: &HeldArgs, out: &mut Output) -> Result<Outcome> {
 pub(super) fn accept(args: &AcceptArgs, out: &mut Output) -> Result<Outcome> {
     let map = Map::open(&args.which.map)?;
     let snapshot = map.snapshot();
-    let config = Config::read_for(&snapshot.meta, args.config.as_deref())?;
+    let config = Config::read_for(snapshot.meta(), args.config.as_deref())?;
     let ids = args.which.find(&map, false)?;
     let generation = map.update(|snapshot| {
         let mut learner = Learner::resume(config.learn.clone(), snapshot.clone())?;
@@ -183,7 +183,7 @@ pub(super) fn forget(args: &ForgetArgs, out: &mut Output) -> Result<Outcome> {
     let generation = map
         .update(|snapshot| {
             let (forgotten, num_forgotten) = forget_session(snapshot, session)?;
-            (num_visits, before) = (num_forgotten, snapshot.generation);
+            (num_visits, before) = (num_forgotten, snapshot.generation());
             Ok(forgotten)
         })
         .map_err(|error| error.with_path(&args.map))?;
@@ -203,7 +203,7 @@ fn session_of(snapshot: &Arc<Snapshot>, text: &str) -> SessionId {
         .then(|| u128::from_str_radix(&digits, 16).ok())
         .flatten();
     let is_known = |session: SessionId| {
-        let mut visits = snapshot.nodes.iter().flat_map(|node| &node.visits);
+        let mut visits = snapshot.nodes().iter().flat_map(|node| node.visits());
         visits.any(|visit| visit.session == session)
     };
     match uuid.map(SessionId) {

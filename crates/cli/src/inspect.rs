@@ -39,12 +39,16 @@ pub(super) fn inspect(args: &InspectArgs, out: &mut Output) -> Result<Outcome> {
     let map = Map::open_read_only(&args.map)?;
     let snapshot = map.snapshot();
     let summary = snapshot.summary();
-    let meta = &snapshot.meta;
+    let meta = snapshot.meta();
     let digest = hex(&snapshot.digest());
     let num_bytes = std::fs::metadata(&args.map).map_or(0, |file| file.len());
     let text = |time: Option<Time>| time.map(|time| time.to_string());
     if args.json {
-        let places: Vec<_> = snapshot.nodes.iter().map(|node| place_json(node)).collect();
+        let places: Vec<_> = snapshot
+            .nodes()
+            .iter()
+            .map(|node| place_json(node))
+            .collect();
         out.json(&json!({
             "map": args.map,
             "num_bytes": num_bytes,
@@ -65,7 +69,7 @@ pub(super) fn inspect(args: &InspectArgs, out: &mut Output) -> Result<Outcome> {
             "first": text(summary.first),
             "last": text(summary.last),
             "places": places,
-            "edges": snapshot.edges,
+            "edges": snapshot.edges(),
         }))?;
         return Ok(Outcome::Good);
     }
@@ -108,15 +112,15 @@ pub(super) fn inspect(args: &InspectArgs, out: &mut Output) -> Result<Outcome> {
     ))?;
     out.line(format_args!("edges        {}", summary.num_edges))?;
     out.line(format_args!("places       {}", summary.num_places))?;
-    for node in &snapshot.nodes {
+    for node in snapshot.nodes() {
         let pose = node
-            .pose
+            .pose()
             .map_or(String::new(), |[x, y, z]| format!(", at ({x}, {y}, {z}) m"));
         out.line(format_args!(
             "  {}: {} visits, {} features{pose}",
-            node.key,
-            node.visits.len(),
-            node.features.len()
+            node.key(),
+            node.visits().len(),
+            node.features().len()
         ))?;
     }
     Ok(Outcome::Good)
@@ -124,17 +128,17 @@ pub(super) fn inspect(args: &InspectArgs, out: &mut Output) -> Result<Outcome> {
 
 fn place_json(node: &Node) -> serde_json::Value {
     let (first, last) = node.time_span().unzip();
-    let experiences = (node.visits.iter())
+    let experiences = (node.visits().iter())
         .filter(|visit| visit.appearance_use == AppearanceUse::Experience)
         .count();
     json!({
-        "key": node.key,
-        "num_visits": node.visits.len(),
-        "num_features": node.features.len(),
+        "key": node.key(),
+        "num_visits": node.visits().len(),
+        "num_features": node.features().len(),
         "num_experiences": experiences,
         "first": first.map(|time| time.to_string()),
         "last": last.map(|time| time.to_string()),
-        "pose": node.pose,
+        "pose": node.pose(),
     })
 }
 

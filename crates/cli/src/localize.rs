@@ -165,7 +165,7 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
         needs_time,
         args.manifest.as_deref(),
         &args.reading,
-        guide.robot.localizer().snapshot().meta.image_size,
+        guide.robot.localizer().snapshot().meta().image_size,
     )?;
     for path in &args.images {
         if interrupt::is_requested() {
@@ -242,7 +242,7 @@ impl LocalizeArgs {
             return Ok(learn);
         };
         let snapshot = Map::open_read_only(map)?.snapshot();
-        let num_bytes: usize = snapshot.nodes.iter().map(|node| node.num_bytes()).sum();
+        let num_bytes: usize = snapshot.nodes().iter().map(|node| node.num_bytes()).sum();
         let budget = BudgetConfig::default().with_bytes(num_bytes.max(DEFAULT_BUDGET_BYTES));
         Ok(learn.with_budget(budget)?)
     }
@@ -362,7 +362,7 @@ struct Guide<'o> {
 
 impl<'o> Guide<'o> {
     fn new(args: &LocalizeArgs, robot: Robot, trace: Option<Sink>, out: &'o mut Output) -> Self {
-        let size = robot.localizer().snapshot().meta.image_size;
+        let size = robot.localizer().snapshot().meta().image_size;
         Self {
             robot,
             trace,
@@ -451,12 +451,12 @@ impl<'o> Guide<'o> {
         let answer = self.robot.answer();
         if let (true, Decision::At(id), Some(truth)) =
             (self.learns, answer.decision, &picture.truth)
-            && localizer.snapshot().node(id).key != *truth
+            && *localizer.snapshot().node(id).key() != *truth
         {
             note!(
                 "warning: {}: learnt as `{}`, where it was located, but its index says `{truth}`",
                 picture.name,
-                localizer.snapshot().node(id).key
+                localizer.snapshot().node(id).key()
             );
         }
         let is_located = match (answer.decision, self.within) {
@@ -613,7 +613,7 @@ impl<'a> Report<'a> {
         num_features: usize,
         top: usize,
     ) -> Self {
-        let key = |id: NodeId| &localizer.snapshot().node(id).key;
+        let key = |id: NodeId| localizer.snapshot().node(id).key();
         let share = |candidate: &Candidate| Share {
             place: key(candidate.node),
             score: candidate.score,

@@ -56,7 +56,7 @@ pub(super) fn run(args: &MergeArgs, out: &mut Output) -> Result<Outcome> {
     let mut num_visits = 0;
     for (path, map) in args.maps.iter().zip(&maps) {
         num_visits += map.summary().num_visits;
-        let others = (map.attachments.keys())
+        let others = (map.attachments().keys())
             .filter(|name| *name != "reobservation" && !Quarantine::is_named(name));
         for name in others {
             note!(
@@ -71,7 +71,7 @@ pub(super) fn run(args: &MergeArgs, out: &mut Output) -> Result<Outcome> {
     }
     let mut merged = learn::merge(&maps)?;
     if args.relearn {
-        let config = Config::read_for(&merged.meta, args.config.as_deref())?;
+        let config = Config::read_for(merged.meta(), args.config.as_deref())?;
         merged = learn::relearn(config.learn, &merged)?;
     }
     Map::create_from(&args.out, &merged)?;

@@ -104,8 +104,8 @@ pub(super) fn place(args: &PlaceArgs, out: &mut Output) -> Result<Outcome> {
     out.line(format_args!(
         "{}: {} places, generation {generation} (to undo: map rollback --to {})",
         args.map.display(),
-        changed.nodes.len(),
-        before.generation
+        changed.nodes().len(),
+        before.generation()
     ))?;
     Ok(Outcome::Good)
 }
@@ -126,7 +126,7 @@ pub(super) fn visit(args: &VisitArgs, out: &mut Output) -> Result<Outcome> {
                 "{}: a visit of {place} dropped, generation {generation} (to undo: map rollback \
                  --to {})",
                 args.map.display(),
-                before.generation
+                before.generation()
             ))?;
         }
     }
@@ -135,23 +135,23 @@ pub(super) fn visit(args: &VisitArgs, out: &mut Output) -> Result<Outcome> {
 
 fn list(map: &Snapshot, place: Option<&str>, json: bool, out: &mut Output) -> Result<()> {
     let only = place.map(|text| known_or_written(map, text)).transpose()?;
-    for node in &map.nodes {
-        if only.as_ref().is_some_and(|only| *only != node.key) {
+    for node in map.nodes() {
+        if only.as_ref().is_some_and(|only| only != node.key()) {
             continue;
         }
-        for visit in &node.visits {
+        for visit in node.visits() {
             let id = visit.id.to_string();
             if json {
                 out.json(&json!({
                     "visit": id,
-                    "place": node.key,
+                    "place": node.key(),
                     "session": visit.session.to_string(),
                     "time": visit.time.to_string(),
                     "source": visit.source,
                 }))?;
             } else {
                 let start = id.get(..8).unwrap_or(&id);
-                let line = format!("{start}  {}  {}  {}", visit.time, node.key, visit.source);
+                let line = format!("{start}  {}  {}  {}", visit.time, node.key(), visit.source);
                 out.line(line.trim_end())?;
             }
         }
@@ -171,7 +171,7 @@ fn known_or_written(map: &Snapshot, text: &str) -> chronotope::Result<PlaceKey> 
 /// The one visit whose identity begins like this.
 fn one(map: &Snapshot, text: &str) -> chronotope::Result<VisitId> {
     let text = text.to_lowercase();
-    let visits = map.nodes.iter().flat_map(|node| &node.visits);
+    let visits = map.nodes().iter().flat_map(|node| node.visits());
     let mut found = visits.filter(|visit| visit.id.to_string().starts_with(&text));
     let (kind, message) = match (found.next(), found.next()) {
         (Some(visit), None) => return Ok(visit.id),

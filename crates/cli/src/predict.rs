@@ -46,7 +46,7 @@ pub(super) struct PredictArgs {
 
 pub(super) fn run(args: &PredictArgs, out: &mut Output) -> Result<Outcome> {
     let map = args.map.as_deref().map(Map::open_read_only).transpose()?;
-    let preset = (map.as_ref()).map_or(Preset::Default, |map| preset_of(&map.snapshot().meta));
+    let preset = (map.as_ref()).map_or(Preset::Default, |map| preset_of(map.snapshot().meta()));
     let mut config = Config::read(args.config.config.as_deref(), preset)?;
     if let Some(n) = args.n {
         config.localize = config.localize.with_selection(Selection::top(n)?);
@@ -65,7 +65,7 @@ pub(super) fn run(args: &PredictArgs, out: &mut Output) -> Result<Outcome> {
         .map_err(|error| error.with_path(map.path()))?;
     let nodes: Vec<NodeId> = match &args.node {
         Some(key) => vec![find(&snapshot, key).map_err(|error| error.with_path(map.path()))?],
-        None => (0..snapshot.nodes.len() as u32).map(NodeId).collect(),
+        None => (0..snapshot.nodes().len() as u32).map(NodeId).collect(),
     };
     warn_of_time(&snapshot, time, None);
     let mut predicted = PredictedMap::new();
@@ -85,7 +85,7 @@ pub(super) fn run(args: &PredictArgs, out: &mut Output) -> Result<Outcome> {
                 .map(|(&id, &p)| {
                     let at = sure.estimate(id as usize, time);
                     let interval = (at.low.min(p), at.high.max(p));
-                    (id, node.features.keypoints()[id as usize], p, interval)
+                    (id, node.features().keypoints()[id as usize], p, interval)
                 })
         };
         if args.json {
@@ -98,18 +98,18 @@ pub(super) fn run(args: &PredictArgs, out: &mut Output) -> Result<Outcome> {
                 })
                 .collect();
             out.json(&json!({
-                "place": node.key,
+                "place": node.key(),
                 "time": time.to_string(),
-                "num_features": node.features.len(),
+                "num_features": node.features().len(),
                 "features": features,
             }))?;
             continue;
         }
         out.line(format_args!(
             "{} at {time}: {} of {} features",
-            node.key,
+            node.key(),
             predicted.len(),
-            node.features.len()
+            node.features().len()
         ))?;
         out.line("      id        x        y   p(t)  95 % interval")?;
         for (id, keypoint, p, (low, high)) in features() {
@@ -127,8 +127,8 @@ fn find(snapshot: &Snapshot, key: &str) -> chronotope::Result<NodeId> {
     written
         .or(snapshot.find(&PlaceKey::new(key)?))
         .ok_or_else(|| {
-            let mut known: Vec<_> = (snapshot.nodes.iter())
-                .map(|node| node.key.as_str())
+            let mut known: Vec<_> = (snapshot.nodes().iter())
+                .map(|node| node.key().as_str())
                 .collect();
             let more = if known.len() > 20 { ", ..." } else { "" };
             known.truncate(20);

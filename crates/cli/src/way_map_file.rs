@@ -6,7 +6,6 @@
 
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::sync::Arc;
 
 use yaml_rust2::parser::{Event, Parser};
 use yaml_rust2::{Yaml, YamlLoader};
@@ -70,8 +69,8 @@ impl WayMap {
         let mut changed = snapshot.clone();
         let mut unknown = BTreeSet::new();
         for (key, pose) in &self.nodes {
-            match changed.nodes.iter_mut().find(|node| node.key == *key) {
-                Some(node) => Arc::make_mut(node).pose = Some(*pose),
+            match changed.find(key) {
+                Some(id) => changed.set_pose(id, Some(*pose))?,
                 None => _ = unknown.insert(key.clone()),
             }
         }
@@ -83,7 +82,7 @@ impl WayMap {
                 unknown.insert(missing.clone());
                 continue;
             }
-            let is_known = (changed.edges.iter()).any(|it| it.from == *from && it.to == *to);
+            let is_known = (changed.edges().iter()).any(|it| it.from == *from && it.to == *to);
             if !is_known {
                 changed.add_edge(Edge {
                     from: from.clone(),
@@ -153,7 +152,7 @@ mod tests {
         let mut snapshot = Snapshot::empty(MapMeta::new(7, "none", "default"));
         for name in ["gate: \"north\"", "0007"] {
             let mut node = Node::new(key(name));
-            node.pose = pose;
+            node.set_pose(pose).expect("finite");
             snapshot.push_node(node).expect("a new place");
         }
         snapshot
@@ -163,14 +162,14 @@ mod tests {
     fn what_was_written_is_read_back_onto_a_map_without_it() {
         let mut full = street(Some([1.5, -2.25, 3.0]));
         let edge = Edge {
-            from: full.nodes[0].key.clone(),
-            to: full.nodes[1].key.clone(),
+            from: full.nodes()[0].key().clone(),
+            to: full.nodes()[1].key().clone(),
             name: String::new(),
         };
         full.add_edge(edge).expect("both are there");
         let ways = WayMap::parse(&to_tmap2(&full, "street").expect("poses")).expect("our own");
         let (changed, unknown) = ways.onto(&street(None)).expect("fits");
-        assert_eq!((changed.nodes, changed.edges), (full.nodes, full.edges));
+        assert_eq!(changed, full);
         assert!(unknown.is_empty());
     }
 
@@ -181,7 +180,7 @@ mod tests {
         let ways = WayMap::parse(text).expect("as LCAS writes it");
         let (changed, unknown) = ways.onto(&street(None)).expect("fits");
         assert_eq!(unknown, [key("WayPoint1")].into());
-        assert!(changed.edges.is_empty());
+        assert!(changed.edges().is_empty());
     }
 
     #[test]

@@ -79,13 +79,13 @@ pub(super) fn to_tmap2(snapshot: &Snapshot, name: &str) -> Result<String> {
         quoted(&last_visit(snapshot)),
     );
     for (node, [x, y, z]) in nodes {
-        let key = quoted(node.key.as_str());
+        let key = quoted(node.key().as_str());
         let _ = write!(
             text,
             "- meta:\n    map: {name}\n    node: {key}\n    pointset: {name}\n  node:\n    edges:"
         );
-        let ways: Vec<_> = (snapshot.edges.iter())
-            .filter(|edge| edge.from == node.key)
+        let ways: Vec<_> = (snapshot.edges().iter())
+            .filter(|edge| edge.from == *node.key())
             .collect();
         text += if ways.is_empty() { " []\n" } else { "\n" };
         for edge in ways {
@@ -137,17 +137,17 @@ pub(super) fn to_geojson(snapshot: &Snapshot, origin: Origin) -> Result<String> 
         .map(|(node, pose)| {
             json!({
                 "type": "Feature",
-                "id": node.key.as_str(),
+                "id": node.key().as_str(),
                 "geometry": { "type": "Point", "coordinates": point(*pose) },
-                "properties": { "place": node.key.as_str(), "visits": node.visits.len() },
+                "properties": { "place": node.key().as_str(), "visits": node.visits().len() },
             })
         })
         .collect();
     let pose_of = |key: &PlaceKey| {
-        let found = nodes.iter().find(|(node, _)| node.key == *key);
+        let found = nodes.iter().find(|(node, _)| *node.key() == *key);
         found.map(|(_, pose)| point(*pose))
     };
-    for edge in &snapshot.edges {
+    for edge in snapshot.edges() {
         if let (Some(from), Some(to)) = (pose_of(&edge.from), pose_of(&edge.to)) {
             features.push(json!({
                 "type": "Feature",
@@ -166,16 +166,16 @@ pub(super) fn to_geojson(snapshot: &Snapshot, origin: Origin) -> Result<String> 
 /// points of 1/72 inch a metre).
 pub(super) fn to_dot(snapshot: &Snapshot, name: &str) -> String {
     let mut text = format!("digraph {} {{\n  node [shape=box];\n", dot_quoted(name));
-    for node in &snapshot.nodes {
-        let key = dot_quoted(node.key.as_str());
-        let _ = match node.pose {
+    for node in snapshot.nodes() {
+        let key = dot_quoted(node.key().as_str());
+        let _ = match node.pose() {
             Some([x, y, _]) => {
                 writeln!(text, "  {key} [pos=\"{:.3},{:.3}!\"];", 72.0 * x, 72.0 * y)
             }
             None => writeln!(text, "  {key};"),
         };
     }
-    for edge in &snapshot.edges {
+    for edge in snapshot.edges() {
         let (from, to) = (dot_quoted(edge.from.as_str()), dot_quoted(edge.to.as_str()));
         let _ = match edge.name.as_str() {
             "" => writeln!(text, "  {from} -> {to};"),
@@ -187,12 +187,12 @@ pub(super) fn to_dot(snapshot: &Snapshot, name: &str) -> String {
 }
 
 fn with_poses(snapshot: &Snapshot) -> Result<Vec<(&Node, [f64; 3])>> {
-    (snapshot.nodes.iter())
-        .map(|node| match node.pose {
+    (snapshot.nodes().iter())
+        .map(|node| match node.pose() {
             Some(pose) => Ok((&**node, pose)),
             None => Err(Error::new(
                 ErrorKind::Config,
-                format!("the place `{}` has no position", node.key),
+                format!("the place `{}` has no position", node.key()),
             )
             .with_help(
                 "build the map with a poses.csv or from a bag, or export as dot, which needs none",
@@ -225,7 +225,7 @@ mod tests {
         let keys = ["gate \"north\"", "door"].map(|name| PlaceKey::new(name).expect("a name"));
         for (key, pose) in keys.iter().zip([[0.0, 0.0, 0.0], [0.0, 111.319_49, 0.0]]) {
             let mut node = Node::new(key.clone());
-            node.pose = Some(pose);
+            node.set_pose(Some(pose)).expect("finite");
             snapshot.push_node(node).expect("a new place");
         }
         let edge = Edge {

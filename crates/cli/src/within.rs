@@ -37,7 +37,7 @@ impl Within {
         let Some((&first, others)) = region.split_first() else {
             return false;
         };
-        let pose = |node: NodeId| localizer.snapshot().node(node).pose;
+        let pose = |node: NodeId| localizer.snapshot().node(node).pose();
         others.iter().all(|&other| match self {
             Self::Edges(most) => localizer.steps_between(first, other, most).is_some(),
             Self::Metres(most) => (pose(first).zip(pose(other)))

@@ -209,15 +209,16 @@ impl Street {
         let mut learner = Learner::new(LearnConfig::default(), meta.clone());
         for entry in self.world.dataset("learn", &self.schedule.learn).entries {
             let image = entry.source.load()?;
-            learner.observe(&Observation {
-                place: entry.place,
-                session: SessionId::derive("one run"),
-                time: entry.time,
-                features: &extractor.extract(&image, None)?,
-                image_size: (image.width() as u32, image.height() as u32),
-                mask: None,
-                source: entry.id,
-            })?;
+            learner.observe(
+                &Observation::new(
+                    entry.place,
+                    SessionId::derive("one run"),
+                    entry.time,
+                    &extractor.extract(&image, None)?,
+                    (image.width() as u32, image.height() as u32),
+                )
+                .with_source(entry.id),
+            )?;
         }
         let snapshot = learner.snapshot()?;
         Map::create(path, meta)?.commit(&snapshot)?;

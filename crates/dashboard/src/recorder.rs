@@ -237,7 +237,12 @@ mod tests {
 
     /// Traces of a small street; without times for a map that needs none.
     fn traces(cfg: LocalizerConfig, with_time: bool) -> Vec<Trace<'static>> {
-        let world = World::new(&WorldConfig::new(1).num_places(2).image_size(320, 256)).unwrap();
+        let world = World::new(
+            &WorldConfig::new(1)
+                .with_num_places(2)
+                .with_image_size(320, 256),
+        )
+        .unwrap();
         let schedule = Schedule::standard(1, 8, NUM_QUERIES / 2);
         let extractor = StarBrief::new(StarBriefConfig::default()).unwrap();
         let meta = MapMeta::new(derived_uuid("test"), extractor.id(), "default");
@@ -245,15 +250,16 @@ mod tests {
         for entry in world.dataset("learn", &schedule.learn).entries {
             let image = entry.source.load().unwrap();
             learner
-                .observe(&Observation {
-                    place: entry.place,
-                    session: SessionId::derive("one run"),
-                    time: entry.time,
-                    features: &extractor.extract(&image, None).unwrap(),
-                    image_size: image.size(),
-                    mask: None,
-                    source: entry.id,
-                })
+                .observe(
+                    &Observation::new(
+                        entry.place,
+                        SessionId::derive("one run"),
+                        entry.time,
+                        &extractor.extract(&image, None).unwrap(),
+                        image.size(),
+                    )
+                    .with_source(entry.id),
+                )
                 .unwrap();
         }
         let localizer = Localizer::new(learner.snapshot().unwrap(), cfg).unwrap();

@@ -29,7 +29,12 @@ struct Street {
 
 impl Street {
     fn new() -> Self {
-        let world = World::new(&WorldConfig::new(1).num_places(2).image_size(320, 256)).unwrap();
+        let world = World::new(
+            &WorldConfig::new(1)
+                .with_num_places(2)
+                .with_image_size(320, 256),
+        )
+        .unwrap();
         let schedule = Schedule::standard(1, 8, NUM_QUERIES / 2);
         let extractor = StarBrief::new(StarBriefConfig::default()).unwrap();
         let meta = MapMeta::new(derived_uuid("pipe"), extractor.id(), "default");
@@ -37,15 +42,16 @@ impl Street {
         for entry in world.dataset("learn", &schedule.learn).entries {
             let image = entry.source.load().unwrap();
             learner
-                .observe(&Observation {
-                    place: entry.place,
-                    session: SessionId::derive("one run"),
-                    time: entry.time,
-                    features: &extractor.extract(&image, None).unwrap(),
-                    image_size: image.size(),
-                    mask: None,
-                    source: entry.id,
-                })
+                .observe(
+                    &Observation::new(
+                        entry.place,
+                        SessionId::derive("one run"),
+                        entry.time,
+                        &extractor.extract(&image, None).unwrap(),
+                        image.size(),
+                    )
+                    .with_source(entry.id),
+                )
                 .unwrap();
         }
         let queries = (world.dataset("query", &schedule.query).entries.into_iter())
@@ -215,7 +221,7 @@ fn the_command_and_the_dashboard_speak_one_language() {
     let folder = tempfile::tempdir().unwrap();
     let map_path = folder.path().join("street.map");
     let snapshot = &street.snapshot;
-    let map = Map::create(&map_path, snapshot.meta.clone()).unwrap();
+    let map = Map::create(&map_path, snapshot.meta().clone()).unwrap();
     map.commit(snapshot).unwrap();
     drop(map);
     let mut localize = Command::new(command);

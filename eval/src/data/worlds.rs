@@ -16,7 +16,7 @@ pub(crate) struct Worlds {
 impl Worlds {
     /// The images of one world, and when the first query is taken.
     pub(crate) fn world(&self, seed: u64, rhythms: bool, name: &str) -> Result<(Dataset, Time)> {
-        let world = World::new(&WorldConfig::new(seed).rhythms(rhythms))?;
+        let world = World::new(&WorldConfig::new(seed).with_rhythms(rhythms))?;
         let schedule = Schedule::standard(seed, self.learn, self.query);
         let all: Vec<_> = [&schedule.learn[..], &schedule.query[..]].concat();
         let split = schedule.query.first().copied().unwrap_or_default();

@@ -206,7 +206,7 @@ fn feature_picture(
 fn expected(showcase: &Showcase, candidate: &Candidate) -> Vec<(Keypoint, f64)> {
     let node = showcase.localizer.snapshot().node(candidate.node);
     let remembered = (candidate.appearance)
-        .and_then(|visit| node.visits.get(visit as usize)?.appearance.as_ref());
+        .and_then(|visit| node.visits().get(visit as usize)?.appearance.as_ref());
     if let Some(features) = remembered {
         let size = match showcase.localizer.cfg().selection() {
             Selection::Top(n) => n.get(),
@@ -216,7 +216,7 @@ fn expected(showcase: &Showcase, candidate: &Candidate) -> Vec<(Keypoint, f64)> 
             .map(|&keypoint| (keypoint, 1.0))
             .collect();
     }
-    let keypoints = node.features.keypoints();
+    let keypoints = node.features().keypoints();
     (candidate.predicted.iter().zip(&candidate.probabilities))
         .map(|(&id, &probability)| (keypoints[id as usize], probability))
         .collect()
@@ -257,7 +257,7 @@ fn raster(data: &ExtractedDataset, showcase: &Showcase) -> Option<Raster> {
         .next()?;
     let model = showcase.localizer.model(id)?;
     let node = showcase.localizer.snapshot().node(id);
-    let times = node.log.times();
+    let times = node.log().times();
     let along = along(data, showcase);
     // The latest visits, if they are too many.
     let visits = times.len().saturating_sub(MAX_RASTER_VISITS)..times.len();
@@ -282,7 +282,7 @@ fn raster(data: &ExtractedDataset, showcase: &Showcase) -> Option<Raster> {
     rows.truncate(MAX_RASTER_FEATURES);
     rows.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.2.feature.cmp(&b.2.feature)));
     Some(Raster {
-        place: node.key.as_str().to_owned(),
+        place: node.key().as_str().to_owned(),
         num_features: model.num_features(),
         axis: axis(data),
         times: times[visits].iter().map(|&time| along(time)).collect(),
@@ -292,7 +292,7 @@ fn raster(data: &ExtractedDataset, showcase: &Showcase) -> Option<Raster> {
 
 /// Whether a feature was seen; before its birth nobody could.
 fn seen(node: &Node, visit: usize, feature: usize) -> Option<bool> {
-    match node.log.state(visit, feature) {
+    match node.log().state(visit, feature) {
         Some(visibility::FeatureState::Seen) => Some(true),
         Some(visibility::FeatureState::NotSeen) => Some(false),
         Some(visibility::FeatureState::NotObservable) | None => None,
@@ -338,7 +338,7 @@ fn curve(
     query_time: Time,
 ) -> ProbabilityCurve {
     let along = along(data, showcase);
-    let times = node.log.times();
+    let times = node.log().times();
     let ends = times.iter().chain(std::iter::once(&query_time));
     let start = ends.clone().min().copied().unwrap_or_default();
     let end = ends.max().copied().unwrap_or_default();
@@ -364,11 +364,11 @@ fn curve(
         })
         .collect();
     let rhythm = model.components(feature);
-    let keypoint = node.features.keypoints()[feature];
+    let keypoint = node.features().keypoints()[feature];
     ProbabilityCurve {
         title: format!(
             "{}, feature {feature} at ({:.0}, {:.0}): {}",
-            node.key,
+            node.key(),
             keypoint.x,
             keypoint.y,
             match rhythm.first() {
@@ -389,7 +389,7 @@ fn decided(showcase: &Showcase, found: &Localization) -> String {
     match found.decision {
         Decision::At(node) => format!(
             "Located at {}",
-            showcase.localizer.snapshot().node(node).key
+            showcase.localizer.snapshot().node(node).key()
         ),
         Decision::Ambiguous => "Ambiguous".into(),
         _ => "Unknown".into(),

@@ -63,15 +63,16 @@ pub(crate) fn learn(
     let mut learner = Learner::new(cfg, meta);
     for &index in &fold.learn {
         let entry = &data.dataset.entries[index];
-        learner.observe(&Observation {
-            place: entry.place.clone(),
-            session: SessionId::derive(&data.dataset.name),
-            time: times[index],
-            features: &data.extracted[index].features,
-            image_size: data.extracted[index].image_size,
-            mask: None,
-            source: entry.id.clone(),
-        })?;
+        learner.observe(
+            &Observation::new(
+                entry.place.clone(),
+                SessionId::derive(&data.dataset.name),
+                times[index],
+                &data.extracted[index].features,
+                data.extracted[index].image_size,
+            )
+            .with_source(entry.id.clone()),
+        )?;
     }
     Ok(learner.snapshot()?)
 }
@@ -153,7 +154,7 @@ fn answer_query(
             if localizer.cfg().method().predicts()
                 && localizer.cfg().choice() == Choice::Likeliest =>
         {
-            let selected = localizer.snapshot().node(node).features.len().min(TOP);
+            let selected = localizer.snapshot().node(node).features().len().min(TOP);
             localizer
                 .reobserved(scratch, query, node, TOP)?
                 .map(|seen| (seen as u32, selected as u32))
@@ -183,15 +184,15 @@ fn image_answer(localizer: &Localizer, sweep: &Sweep, size: usize) -> ImageAnswe
 
 /// What every place scored, by node, at the sweep's `size`-th n.
 fn scores(localizer: &Localizer, sweep: &Sweep, score: Score, size: usize) -> Vec<f64> {
-    (0..localizer.snapshot().nodes.len())
+    (0..localizer.snapshot().nodes().len())
         .map(|node| sweep.scores(NodeId(node as u32), size).by(score))
         .collect()
 }
 
 /// The answer by one score at the sweep's `size`-th n.
 fn answer(localizer: &Localizer, sweep: &Sweep, score: Score, size: usize) -> Answer {
-    let nodes = &localizer.snapshot().nodes;
-    let name = |node: usize| nodes[node].key.as_str().to_owned();
+    let nodes = localizer.snapshot().nodes();
+    let name = |node: usize| nodes[node].key().as_str().to_owned();
     let scores = scores(localizer, sweep, score, size);
     let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let weighed = localizer.posterior(score, sweep.sizes()[size], &scores);

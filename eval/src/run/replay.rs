@@ -151,12 +151,19 @@ impl<E: Extractor> Replay<'_, E> {
         let dataset = &self.data.dataset;
         let times = times(dataset, self.arm)?;
         let mut snapshot = Snapshot::clone(&*learn(self.data, fold, self.arm, &times)?);
-        for node in &mut snapshot.nodes {
-            if let Some(&pose) = dataset.poses.get(&node.key) {
-                Arc::make_mut(node).pose = Some(pose);
+        for (key, &pose) in &dataset.poses {
+            if let Some(id) = snapshot.find(key) {
+                snapshot.set_pose(id, Some(pose))?;
             }
         }
-        snapshot.edges.clone_from(&dataset.edges);
+        for edge in &dataset.edges {
+            if [&edge.from, &edge.to]
+                .iter()
+                .all(|key| snapshot.find(key).is_some())
+            {
+                snapshot.add_edge(edge.clone())?;
+            }
+        }
         let localizer = Localizer::new(Arc::new(snapshot), self.run.localizer.clone())?;
         let num_live = LearnConfig::preset(self.arm.preset).features_per_visit();
         let mut scratch = Scratch::default();

@@ -107,7 +107,7 @@ fn kidnapped(ways: &[Vec<usize>]) -> Vec<usize> {
 
 /// What is believed after each image of `way`.
 fn track(localizer: &Localizer, images: &[&ImageAnswer], way: &[usize]) -> Result<Vec<Answer>> {
-    let name = |node: usize| localizer.snapshot().nodes[node].key.as_str().to_owned();
+    let name = |node: usize| localizer.snapshot().nodes()[node].key().as_str().to_owned();
     let mut tracker = Tracker::new(localizer, MotionConfig::default())?;
     let cfg = localizer.cfg();
     (way.iter())
@@ -136,8 +136,8 @@ fn match_sequences(
     way: &[usize],
 ) -> Vec<Answer> {
     let name = |at: usize| {
-        localizer.snapshot().nodes[places[at]]
-            .key
+        localizer.snapshot().nodes()[places[at]]
+            .key()
             .as_str()
             .to_owned()
     };

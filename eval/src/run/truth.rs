@@ -68,7 +68,7 @@ pub(super) fn visibility_errors(
     let worlds: Vec<Vec<f64>> = (1..=num_seeds)
         .into_par_iter()
         .map(|seed| {
-            let world = World::new(&WorldConfig::new(seed).rhythms(rhythms))?;
+            let world = World::new(&WorldConfig::new(seed).with_rhythms(rhythms))?;
             let schedule = Schedule::standard(seed, num_learn, num_query);
             (models.iter())
                 .map(|(_, cfg)| error_in(&world, &schedule, cfg))

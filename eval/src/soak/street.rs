@@ -47,7 +47,8 @@ pub(super) struct Street {
 impl Street {
     /// One that nothing is known of; its map is the file `NAME.map`, written anew.
     fn unknown(options: &StreetOptions, name: &str) -> Result<Self> {
-        let world = World::new(&WorldConfig::new(options.seed).num_places(options.num_places))?;
+        let world =
+            World::new(&WorldConfig::new(options.seed).with_num_places(options.num_places))?;
         let budget = BudgetConfig::default()
             .with_features_per_place(options.features_per_place)
             .with_visits_per_place(options.visits_per_place);
@@ -104,15 +105,13 @@ impl Street {
         times: &mut Vec<f64>,
     ) -> Result<bool> {
         let start = Instant::now();
-        let observation = Observation {
-            place: self.world.places()[place].clone(),
-            session: SessionId::derive("soak"),
+        let observation = Observation::new(
+            self.world.places()[place].clone(),
+            SessionId::derive("soak"),
             time,
             features,
-            image_size: self.image_size,
-            mask: None,
-            source: String::new(),
-        };
+            self.image_size,
+        );
         let learnt = (self.learner).observe(&observation, &Circumstances::default())?;
         times.push(start.elapsed().as_secs_f64() * 1e6);
         Ok(learnt.doubt.is_some())

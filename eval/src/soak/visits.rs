@@ -141,16 +141,16 @@ impl Soak {
             let query = Query::new(features).at(*time);
             let answer = localizer.localize(&mut scratch, &query)?;
             if let Decision::At(found) = answer.decision {
-                let is_right = snapshot.node(found).key == self.street.world.places()[*place];
+                let is_right = *snapshot.node(found).key() == self.street.world.places()[*place];
                 num_right += usize::from(is_right);
                 num_wrong += usize::from(!is_right);
             }
         }
         let mut quantile = |share| quantile(&mut observe_us, share);
-        let first = &snapshot.nodes[0];
+        let first = &snapshot.nodes()[0];
         Ok(Part {
-            num_features: first.features.len(),
-            num_visits: first.visits.len(),
+            num_features: first.features().len(),
+            num_visits: first.visits().len(),
             map_bytes: snapshot.summary().num_bytes,
             file_bytes: std::fs::metadata(self.street.learner.map().path())?.len(),
             memory_bytes: memory_bytes(),

@@ -21,7 +21,8 @@ use chronotope::localize::{
     Localization, Localizer, LocalizerConfig, PlaceSearch, Preset, Query, Score,
 };
 use chronotope::map::{
-    AppearanceUse, MapMeta, Node, NodeId, PlaceKey, SessionId, Snapshot, Visit, VisitId,
+    AppearanceUse, MapMeta, Node, NodeId, PlaceKey, SessionId, Snapshot, SnapshotParts, Visit,
+    VisitId,
 };
 use chronotope::matching::{MatchScratch, Matcher};
 use chronotope::predict::Selection;
@@ -63,7 +64,11 @@ pub(super) fn measure(workload: &Workload, num_nodes: usize) -> Result<Vec<Measu
     let row = |subject: &str, ms: &[f64]| Measurement::new(SECTION, &case, subject, ms);
     let memory = resident_bytes();
     let snapshot = Arc::new(snapshot(workload, num_nodes)?);
-    let num_features: usize = snapshot.nodes.iter().map(|node| node.features.len()).sum();
+    let num_features: usize = snapshot
+        .nodes()
+        .iter()
+        .map(|node| node.features().len())
+        .sum();
     let time = workload.times.iter().max().copied().unwrap_or_default();
 
     let start = Instant::now();
@@ -262,7 +267,7 @@ fn match_alone(
     found.ranking.sort_by_key(|candidate| candidate.node);
     for candidate in &found.ranking {
         let node = localizer.snapshot().node(candidate.node);
-        map.append(&node.features, &candidate.predicted);
+        map.append(node.features(), &candidate.predicted);
         ends.push(map.len());
     }
     let mut scratch = MatchScratch::default();
@@ -293,15 +298,16 @@ fn match_alone(
 /// A year of monthly visits to `num_nodes` places, before the first query.
 fn snapshot(workload: &Workload, num_nodes: usize) -> Result<Snapshot> {
     let extractor = ExtractorConfig::default().id();
-    let mut snapshot = Snapshot::empty(MapMeta::new(1, extractor, Preset::Default.name()));
+    let meta = MapMeta::new(1, extractor, Preset::Default.name());
+    let mut nodes = Vec::with_capacity(num_nodes);
     let first = workload.times.iter().min().copied().unwrap_or_default();
     let mut random = SplitMix(99);
     for place in 0..num_nodes {
         let learnt = &workload.learnt[place % workload.learnt.len()];
         let mut node = Node::new(PlaceKey::new(&format!("place-{place:05}"))?);
+        let mut born = Features::new();
         for (keypoint, descriptor) in learnt.keypoints().iter().zip(learnt.descriptors()) {
-            let descriptor = workload.seen_anew(descriptor, &mut random);
-            node.features.push(*keypoint, descriptor);
+            born.push(*keypoint, workload.seen_anew(descriptor, &mut random));
         }
         // A feature is seen in half of the year that begins with a month of its own, most of the
         // time.
@@ -318,20 +324,21 @@ fn snapshot(workload: &Workload, num_nodes: usize) -> Result<Snapshot> {
                     seen.set(feature);
                 }
             }
-            node.log.push_visit(time, seen, None)?;
-            (node.experience_log).push_visit(time, BitRow::zeros(0), None)?;
-            node.visits.push(Visit {
+            let visit = Visit {
                 id: VisitId((place * NUM_VISITS + visit) as u128),
                 session: SessionId::derive("speed"),
                 time,
                 source: String::new(),
                 appearance: None,
                 appearance_use: AppearanceUse::Recognised,
-            });
+            };
+            node.push_visit(visit, &born, seen, None, BitRow::zeros(0))?;
+            born.truncate(0);
         }
-        snapshot.nodes.push(Arc::new(node));
+        nodes.push(Arc::new(node));
     }
-    Ok(snapshot)
+    let parts = Snapshot::empty(meta).into_parts();
+    Ok(Snapshot::from_parts(SnapshotParts { nodes, ..parts })?)
 }
 
 /// Memory of this process, where the system reports it.

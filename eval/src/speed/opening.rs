@@ -14,7 +14,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, ensure};
 use chronotope::Time;
 use chronotope::localize::{Localizer, LocalizerConfig, Query};
-use chronotope::map::{Map, Snapshot};
+use chronotope::map::{Map, NodeId, Snapshot};
 
 use super::measurement::Measurement;
 use super::workload::Workload;
@@ -34,12 +34,16 @@ pub(super) fn measure(
     cfg: &LocalizerConfig,
     time: Time,
 ) -> Result<Vec<Measurement>> {
-    let case = format!("{} places", snapshot.nodes.len());
+    let case = format!("{} places", snapshot.nodes().len());
     let row = |subject: &str, ms: &[f64]| Measurement::new(SECTION, &case, subject, ms);
-    let num_features: usize = snapshot.nodes.iter().map(|node| node.features.len()).sum();
+    let num_features: usize = snapshot
+        .nodes()
+        .iter()
+        .map(|node| node.features().len())
+        .sum();
     let folder = tempfile::tempdir().context("no temporary folder")?;
     let path = folder.path().join("map");
-    Map::create(&path, snapshot.meta.clone())?.commit(snapshot)?;
+    Map::create(&path, snapshot.meta().clone())?.commit(snapshot)?;
     let map_bytes = bytes_of(&path)?;
 
     let (whole, whole_ms) = timed(|| -> Result<Localizer> {
@@ -93,12 +97,12 @@ pub(super) fn measure(
 /// visit.
 fn going_on(older: &Localizer, workload: &Workload, time: Time) -> Result<Vec<f64>> {
     let mut newer = Snapshot::clone(older.snapshot());
-    let place = newer.nodes.len() / 2;
-    let node = &newer.nodes[place];
-    let mut visits = vec![true; node.visits.len()];
+    let place = NodeId(newer.nodes().len() as u32 / 2);
+    let node = newer.node(place);
+    let mut visits = vec![true; node.visits().len()];
     ensure!(visits.pop().is_some(), "the map has no visits");
-    let (shorter, _) = node.retained(&visits, &vec![true; node.features.len()])?;
-    newer.nodes[place] = Arc::new(shorter);
+    let (shorter, _) = node.retained(&visits, &vec![true; node.features().len()])?;
+    newer.replace_node(place, shorter)?;
     let newer = Arc::new(newer);
     let query = workload
         .queries

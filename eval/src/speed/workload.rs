@@ -51,7 +51,7 @@ impl Workload {
         let dataset = if let Some(path) = data {
             Dataset::open(path)?
         } else {
-            let world = World::new(&WorldConfig::new(17).num_places(4))?;
+            let world = World::new(&WorldConfig::new(17).with_num_places(4))?;
             let schedule = Schedule::standard(17, 6, 1);
             let times: Vec<Time> = schedule
                 .learn

@@ -33,8 +33,8 @@ fn write_image(path: &Path, image: &GrayImage) {
 }
 
 fn street() -> World {
-    let cfg = WorldConfig::new(7).num_places(NUM_PLACES);
-    World::new(&cfg.image_size(320, 240)).unwrap()
+    let cfg = WorldConfig::new(7).with_num_places(NUM_PLACES);
+    World::new(&cfg.with_image_size(320, 240)).unwrap()
 }
 
 /// A folder of images with its index: the street, walked once on each of `days`.

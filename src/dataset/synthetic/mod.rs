@@ -73,21 +73,21 @@ impl WorldConfig {
 
     /// How many places there are, 1 to 1000.
     #[must_use]
-    pub fn num_places(mut self, num_places: usize) -> Self {
+    pub fn with_num_places(mut self, num_places: usize) -> Self {
         self.num_places = num_places;
         self
     }
 
     /// Whether anything depends on time; `false` makes the control.
     #[must_use]
-    pub fn rhythms(mut self, rhythms: bool) -> Self {
+    pub fn with_rhythms(mut self, rhythms: bool) -> Self {
         self.rhythms = rhythms;
         self
     }
 
     /// Size of the images, px: 256 x 240 to 1280 x 1024.
     #[must_use]
-    pub fn image_size(mut self, width: usize, height: usize) -> Self {
+    pub fn with_image_size(mut self, width: usize, height: usize) -> Self {
         self.width = width;
         self.height = height;
         self

@@ -77,7 +77,7 @@ impl Finder {
     /// What candidates are found by in this map.
     fn kind(snapshot: &Snapshot, cfg: &LocalizerConfig) -> PlaceSearch {
         match cfg.place_search() {
-            _ if snapshot.nodes.len() <= LENGTH => PlaceSearch::Exact,
+            _ if snapshot.nodes().len() <= LENGTH => PlaceSearch::Exact,
             PlaceSearch::Auto if Self::is_large(snapshot, cfg) => PlaceSearch::Inverted,
             PlaceSearch::Auto => PlaceSearch::Exact,
             chosen => chosen,
@@ -87,7 +87,7 @@ impl Finder {
     /// Whether matching everything takes longer than it is worth.
     fn is_large(snapshot: &Snapshot, cfg: &LocalizerConfig) -> bool {
         let of_many_visits = match cfg.selection() {
-            Selection::Top(n) => snapshot.nodes.len().saturating_mul(n.get()),
+            Selection::Top(n) => snapshot.nodes().len().saturating_mul(n.get()),
             Selection::Threshold(_) => Self::num_predicted(snapshot, cfg),
         };
         of_many_visits >= MIN_PREDICTED
@@ -97,10 +97,10 @@ impl Finder {
     /// Features that are predicted of all places, at most.
     fn num_predicted(snapshot: &Snapshot, cfg: &LocalizerConfig) -> usize {
         match cfg.selection() {
-            Selection::Top(n) => (snapshot.nodes.iter())
-                .map(|node| cfg.num_predicted(n.get(), node.log.num_visits()))
+            Selection::Top(n) => (snapshot.nodes().iter())
+                .map(|node| cfg.num_predicted(n.get(), node.log().num_visits()))
                 .sum(),
-            Selection::Threshold(_) => snapshot.nodes.iter().map(|it| it.features.len()).sum(),
+            Selection::Threshold(_) => snapshot.nodes().iter().map(|it| it.features().len()).sum(),
         }
     }
 

@@ -51,9 +51,9 @@ impl Debug for Signatures {
 impl Signatures {
     pub(super) fn of(snapshot: &Snapshot) -> Self {
         let words = learn_words(snapshot, NUM_WORDS);
-        let num_places = snapshot.nodes.len();
+        let num_places = snapshot.nodes().len();
         let mut scratch = SearchScratch::default();
-        let histograms: Vec<Vec<f32>> = (snapshot.nodes.iter())
+        let histograms: Vec<Vec<f32>> = (snapshot.nodes().iter())
             .map(|node| histogram(node, &words, &mut scratch))
             .collect();
         let rarity: Vec<f32> = (0..NUM_WORDS)
@@ -79,9 +79,9 @@ impl Signatures {
 /// How much of a place each word is: its features by how often they were seen, the most often seen
 /// first.
 fn histogram(node: &Node, words: &BinaryWords, scratch: &mut SearchScratch) -> Vec<f32> {
-    let mut seen = vec![0_u32; node.features.len()];
-    for visit in 0..node.log.num_visits() {
-        for feature in node.log.seen_row(visit).ones() {
+    let mut seen = vec![0_u32; node.features().len()];
+    for visit in 0..node.log().num_visits() {
+        for feature in node.log().seen_row(visit).ones() {
             seen[feature] += 1;
         }
     }
@@ -89,7 +89,7 @@ fn histogram(node: &Node, words: &BinaryWords, scratch: &mut SearchScratch) -> V
     ids.sort_unstable_by_key(|&id| (std::cmp::Reverse(seen[id as usize]), id));
     ids.truncate(MAX_FEATURES);
     let mut words_of = Vec::new();
-    let chosen = node.features.select(&ids);
+    let chosen = node.features().select(&ids);
     words.words_into(scratch, chosen.descriptors(), &mut words_of);
     let mut histogram = Vec::new();
     let weights = ids.into_iter().map(|id| seen[id as usize] as f32);

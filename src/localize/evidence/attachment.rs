@@ -51,7 +51,7 @@ pub(in crate::localize) fn attached(
     snapshot: &Snapshot,
     cfg: &LocalizerConfig,
 ) -> Option<Calibration> {
-    let bytes = snapshot.attachments.get(ATTACHMENT)?;
+    let bytes = snapshot.attachments().get(ATTACHMENT)?;
     let read: Read = serde_json::from_slice(bytes).ok()?;
     let is_ours = read.version == VERSION
         && key(snapshot, cfg).is_ok_and(|key| key == read.key)
@@ -83,14 +83,14 @@ fn key(snapshot: &Snapshot, cfg: &LocalizerConfig) -> Result<Key> {
     };
     put(env!("CARGO_PKG_VERSION").as_bytes());
     put(&cfg);
-    put(format!("{:?}", snapshot.meta).as_bytes());
-    for node in &snapshot.nodes {
-        put(node.key.as_str().as_bytes());
-        put(&(node.features.len() as u64).to_le_bytes());
-        for (index, visit) in node.visits.iter().enumerate() {
+    put(format!("{:?}", snapshot.meta()).as_bytes());
+    for node in snapshot.nodes() {
+        put(node.key().as_str().as_bytes());
+        put(&(node.features().len() as u64).to_le_bytes());
+        for (index, visit) in node.visits().iter().enumerate() {
             put(&visit.id.0.to_le_bytes());
             put(&visit.time.as_us().to_le_bytes());
-            for word in node.log.seen_row(index).words() {
+            for word in node.log().seen_row(index).words() {
                 put(&word.to_le_bytes());
             }
             let kept = visit.appearance.as_ref().map_or(0, |it| it.len() + 1);
@@ -98,7 +98,7 @@ fn key(snapshot: &Snapshot, cfg: &LocalizerConfig) -> Result<Key> {
             put(&(kept as u64).to_le_bytes());
         }
     }
-    for (name, value) in &snapshot.attachments {
+    for (name, value) in snapshot.attachments() {
         if name != ATTACHMENT {
             put(name.as_bytes());
             put(value);

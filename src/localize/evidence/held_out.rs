@@ -152,8 +152,8 @@ impl Folds {
             few if few <= MAX_SINGLE_FOLDS => few,
             _ => NUM_FOLDS,
         };
-        let mut of_visit: Vec<Vec<usize>> = (snapshot.nodes.iter())
-            .map(|node| vec![0; node.visits.len()])
+        let mut of_visit: Vec<Vec<usize>> = (snapshot.nodes().iter())
+            .map(|node| vec![0; node.visits().len()])
             .collect();
         for (index, run) in runs.iter().enumerate() {
             for stop in run {
@@ -182,7 +182,7 @@ pub(super) fn match_held_out(
     plans: &[Arc<Plan>],
     neighbours: &Neighbours,
 ) -> Result<(Vec<HeldOutVisit>, Vec<Trial>)> {
-    let nodes = &map.snapshot.nodes;
+    let nodes = map.snapshot.nodes();
     let folds = Folds::of(&map.snapshot);
     let images = held_out_visits(nodes, &folds);
     let spread_others: Vec<usize> = spread(nodes.len(), MAX_OTHERS).collect();
@@ -264,7 +264,7 @@ fn held_out_visits(nodes: &[Arc<Node>], folds: &Folds) -> Vec<HeldOutVisit> {
             (!features.is_empty()).then(|| HeldOutVisit {
                 node,
                 fold: (folds.count > 0).then_some(fold),
-                time: nodes[node].visits[visit].time,
+                time: nodes[node].visits()[visit].time,
                 features,
             })
         })
@@ -273,14 +273,14 @@ fn held_out_visits(nodes: &[Arc<Node>], folds: &Folds) -> Vec<HeldOutVisit> {
 
 /// What the camera saw at a past visit, as far as the map remembers.
 fn image_of(node: &Node, visit: usize) -> Features {
-    if let Some(appearance) = &node.visits[visit].appearance {
+    if let Some(appearance) = &node.visits()[visit].appearance {
         return (**appearance).clone();
     }
-    let seen: Vec<u32> = (node.log.seen_row(visit).ones())
+    let seen: Vec<u32> = (node.log().seen_row(visit).ones())
         .map(|feature| feature as u32)
         .collect();
     let mut features = Features::new();
-    features.gather(&node.features, &seen);
+    features.gather(node.features(), &seen);
     features
 }
 
@@ -293,7 +293,7 @@ impl HeldOutPlace {
         folds: Vec<BitRow>,
         needed: &[bool],
     ) -> Result<Self> {
-        let place = &map.snapshot.nodes[node];
+        let place = &map.snapshot.nodes()[node];
         let plans = (folds.iter().zip(needed))
             .map(|(fold, is_needed)| {
                 let num_left = fold.len() - fold.count_ones();
@@ -343,7 +343,7 @@ impl PlannedMap {
                 );
                 let predicted = &scratch.predicted;
                 let is_known = |feature: u32| {
-                    without.is_none_or(|fold| !fold.get(place.log.birth(feature as usize)))
+                    without.is_none_or(|fold| !fold.get(place.log().birth(feature as usize)))
                 };
                 let ids: Vec<u32> = (predicted.features().iter().copied())
                     .filter(|&feature| is_known(feature))
@@ -356,7 +356,7 @@ impl PlannedMap {
                     .iter()
                     .map(|&id| references.seen()[id as usize])
                     .collect();
-                scratch.ranked.gather(&place.features, &ids);
+                scratch.ranked.gather(place.features(), &ids);
                 let ranked = std::mem::take(&mut scratch.ranked);
                 records.push(Record {
                     hypothesis: 0,

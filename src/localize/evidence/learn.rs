@@ -74,7 +74,7 @@ impl Calibration {
         let everything: Option<Vec<Arc<Plan>>> = match map.cfg.method() {
             Method::Static | Method::Fremen | Method::Fused | Method::ExperienceAll => None,
             Method::Experience | Method::Freex => Some(
-                (map.snapshot.nodes.iter())
+                (map.snapshot.nodes().iter())
                     .map(|node| {
                         let cfg = map.cfg.clone().with_method(EVERYTHING);
                         Plan::of(node, &cfg, map.zone.as_ref()).map(Arc::new)
@@ -93,7 +93,7 @@ impl Calibration {
         calibration.learn_outliers(map.plans.len(), &trials);
         let seen = Reobservation::of(&map.snapshot)?;
         calibration.learn_distances(&seen, &trials);
-        calibration.learn_displacement(&seen, map.snapshot.meta.image_size);
+        calibration.learn_displacement(&seen, map.snapshot.meta().image_size);
         calibration.forget(map.cfg.without());
         calibration.learn_conditions(&trials);
         calibration.learn_levels(map.plans.len(), &trials);
@@ -107,7 +107,7 @@ impl Calibration {
 
     fn learn_rates(&mut self, map: &PlannedMap, trials: &[Trial]) {
         let mut samples = Vec::new();
-        self.false_counts = (map.snapshot.nodes.iter().zip(&map.plans))
+        self.false_counts = (map.snapshot.nodes().iter().zip(&map.plans))
             .map(|(node, plan)| no_trials(plan, node))
             .collect();
         let mut all = Trials::default();
@@ -453,8 +453,8 @@ fn reach(trials: &[Trial]) -> usize {
 /// No trials, of each feature of each hypothesis.
 fn no_trials(plan: &Plan, node: &Node) -> Vec<Vec<Trials>> {
     match plan {
-        Plan::Predicted { .. } => vec![vec![Trials::default(); node.features.len()]],
-        Plan::Appearances { .. } => (node.visits.iter())
+        Plan::Predicted { .. } => vec![vec![Trials::default(); node.features().len()]],
+        Plan::Appearances { .. } => (node.visits().iter())
             .map(|visit| {
                 let len = visit.appearance.as_ref().map_or(0, |it| it.len());
                 vec![Trials::default(); len.min(SIZES[RATE_SIZE])]

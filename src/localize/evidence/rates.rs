@@ -245,20 +245,20 @@ impl Calibration {
         is_same: &[bool],
     ) -> Arc<Self> {
         let mut known = Arc::clone(known);
-        let places = older.nodes.iter().zip(&newer.nodes).zip(is_same);
+        let places = older.nodes().iter().zip(newer.nodes()).zip(is_same);
         for (index, ((old, new), _)) in places.enumerate().filter(|(_, (_, is_same))| !**is_same) {
             let extends = new
-                .features
+                .features()
                 .descriptors()
-                .starts_with(old.features.descriptors())
-                && new.visits.len() >= old.visits.len();
+                .starts_with(old.features().descriptors())
+                && new.visits().len() >= old.visits().len();
             if extends || known.false_counts.len() <= index {
                 continue;
             }
             let of_place = &mut Arc::make_mut(&mut known).false_counts[index];
             of_place.truncate(1);
             for counts in of_place {
-                *counts = renumbered(counts, old.features.view(), new.features.view());
+                *counts = renumbered(counts, old.features().view(), new.features().view());
             }
         }
         known
@@ -292,7 +292,7 @@ impl Calibration {
 
     /// Whether a copy from outside can be used without surprises.
     pub(in crate::localize) fn holds_together(&self, snapshot: &Snapshot) -> bool {
-        let num_places = snapshot.nodes.len();
+        let num_places = snapshot.nodes().len();
         let is_rate = |rate: &f64| (0.0..=1.0).contains(rate);
         let knots = self.detection.knots();
         let posteriors = self.posteriors.iter().flatten();

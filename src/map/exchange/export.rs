@@ -30,16 +30,16 @@ impl Snapshot {
         let (mut seen, mut located_by) = (Vec::new(), Vec::new());
         for node in &self.nodes {
             places.push(place_row(node));
-            features.push(&node.features);
-            for (at, visit) in node.visits.iter().enumerate() {
+            features.push(node.features());
+            for (at, visit) in node.visits().iter().enumerate() {
                 visits.push(visit_row(node, at));
-                let len = node.log.seen_row(at).len();
-                seen.extend((0..len).map(|i| match node.log.state(at, i) {
+                let len = node.log().seen_row(at).len();
+                seen.extend((0..len).map(|i| match node.log().state(at, i) {
                     Some(FeatureState::Seen) => 1,
                     Some(FeatureState::NotSeen) => 0,
                     Some(FeatureState::NotObservable) | None => u8::MAX,
                 }));
-                let row = node.experience_log.seen_row(at);
+                let row = node.experience_log().seen_row(at);
                 located_by.extend((0..row.len()).map(|i| u8::from(row.get(i))));
                 if let Some(appearance) = &visit.appearance {
                     appearances.push(appearance);
@@ -94,11 +94,11 @@ fn edge_rows(edges: &[Edge]) -> Vec<Vec<String>> {
 
 fn place_row(node: &Node) -> Vec<String> {
     let mut row = vec![
-        node.key.to_string(),
-        node.visits.len().to_string(),
-        node.features.len().to_string(),
+        node.key().to_string(),
+        node.visits().len().to_string(),
+        node.features().len().to_string(),
     ];
-    row.extend(match node.pose {
+    row.extend(match node.pose() {
         // The shortest digits that read back as the same number.
         Some(pose) => pose.map(|x| x.to_string()),
         None => [const { String::new() }; 3],
@@ -107,18 +107,18 @@ fn place_row(node: &Node) -> Vec<String> {
 }
 
 fn visit_row(node: &Node, at: usize) -> Vec<String> {
-    let visit = &node.visits[at];
+    let visit = &node.visits()[at];
     let num_appearance = (visit.appearance.as_ref()).map(|features| features.len().to_string());
     vec![
-        node.key.to_string(),
+        node.key().to_string(),
         visit.id.to_string(),
         visit.session.to_string(),
         visit.time.as_us().to_string(),
         visit.source.clone(),
         visit.appearance_use.name().to_owned(),
-        node.log.seen_row(at).len().to_string(),
-        node.log.hidden_row(at).is_some().to_string(),
-        node.experience_log.seen_row(at).len().to_string(),
+        node.log().seen_row(at).len().to_string(),
+        node.log().hidden_row(at).is_some().to_string(),
+        node.experience_log().seen_row(at).len().to_string(),
         num_appearance.unwrap_or_default(),
     ]
 }

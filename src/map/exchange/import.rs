@@ -47,18 +47,19 @@ impl Snapshot {
             let num_features: usize = places.number(place, 2)?;
             let mut left = features.take(num_features)?;
             let mut node = Node::new(key);
-            node.pose = places.pose(place)?;
+            (node.set_pose(places.pose(place)?))
+                .map_err(|error| places.error(Some(place), error.to_string()))?;
             for _ in 0..places.number::<usize>(place, 1)? {
                 let row = rows
                     .next()
                     .ok_or_else(|| visits.error(None, "the visits of a place are missing"))?;
-                if visits.key(row, 0)? != node.key {
-                    let message = format!("a visit of place `{}` is expected here", node.key);
+                if visits.key(row, 0)? != *node.key() {
+                    let message = format!("a visit of place `{}` is expected here", node.key());
                     return Err(visits.error(Some(row), message));
                 }
                 let visit = read_visit(&visits, row, &mut appearances)?;
                 let len: usize = visits.number(row, 6)?;
-                let born = (len.checked_sub(node.features.len()))
+                let born = (len.checked_sub(node.features().len()))
                     .and_then(|num_born| left.split(num_born))
                     .ok_or_else(|| {
                         visits.error(Some(row), format!("the place has not {len} features here"))

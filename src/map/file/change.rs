@@ -90,13 +90,13 @@ impl Change {
         rewritten: Rewritten,
     ) -> Result<()> {
         node.check()?;
-        let mut num_stored = before.map_or(0, |before| before.visits.len());
+        let mut num_stored = before.map_or(0, |before| before.visits().len());
         let mut is_new = before.is_none();
         if let Some(before) = before {
             let fault =
-                |what: &str| does_not_extend(what).with_place(format!("place `{}`", before.key));
-            if before.key != node.key {
-                return Err(fault(&format!("it has `{}` instead", node.key)));
+                |what: &str| does_not_extend(what).with_place(format!("place `{}`", before.key()));
+            if before.key() != node.key() {
+                return Err(fault(&format!("it has `{}` instead", node.key())));
             }
             match difference(before, node) {
                 None => {}
@@ -104,17 +104,17 @@ impl Change {
                 Some(_) => {
                     self.renewed.push(at);
                     self.outdated
-                        .extend(before.visits.iter().map(|visit| visit.id));
+                        .extend(before.visits().iter().map(|visit| visit.id));
                     num_stored = 0;
                     is_new = true;
                 }
             }
         }
-        if before.and_then(|before| before.pose) != node.pose {
+        if before.and_then(Node::pose) != node.pose() {
             self.poses.push(at);
             is_new = true;
         }
-        if is_new || node.visits.len() > num_stored {
+        if is_new || node.visits().len() > num_stored {
             self.nodes.push((at, num_stored));
         }
         Ok(())
@@ -125,7 +125,7 @@ impl Change {
         let mut new_ids = HashSet::new();
         for &(at, num_stored) in &self.nodes {
             let node = &next.nodes[at];
-            for visit in &node.visits[num_stored..] {
+            for visit in &node.visits()[num_stored..] {
                 let is_stored =
                     state.visit_ids.contains(&visit.id) && !self.outdated.contains(&visit.id);
                 if is_stored || !new_ids.insert(visit.id) {
@@ -133,7 +133,7 @@ impl Change {
                         ErrorKind::AlreadyExists,
                         format!("visit {} is in the map already", visit.id),
                     )
-                    .with_place(format!("place `{}`", node.key)));
+                    .with_place(format!("place `{}`", node.key())));
                 }
             }
         }
@@ -183,9 +183,9 @@ impl Change {
                 after.last_place += 1;
                 after.place_rows.push(after.last_place);
             }
-            for visit in num_stored..node.visits.len() {
+            for visit in num_stored..node.visits().len() {
                 after.chains[at] = digest::next_link(&after.chains[at], node, visit);
-                after.visit_ids.insert(node.visits[visit].id);
+                after.visit_ids.insert(node.visits()[visit].id);
                 after.last_visit += 1;
             }
         }
@@ -241,10 +241,10 @@ impl Change {
             let node = &next.nodes[at];
             let place = after.place_rows[at];
             if at >= before.snapshot.nodes.len() {
-                let key = ValueRef::Text(node.key.as_str().as_bytes());
+                let key = ValueRef::Text(node.key().as_str().as_bytes());
                 writer.insert(&tables::PLACE, &[ValueRef::Integer(place), generation, key])?;
             }
-            for visit in num_stored..node.visits.len() {
+            for visit in num_stored..node.visits().len() {
                 visit_row += 1;
                 insert_visit(writer, visit_row, generation, place, node, visit)?;
             }
@@ -255,7 +255,7 @@ impl Change {
                 generation,
                 ValueRef::Integer(after.place_rows[at]),
             ];
-            values.extend(digest::pose_values(next.nodes[at].pose));
+            values.extend(digest::pose_values(next.nodes[at].pose()));
             writer.insert(&tables::POSE, &values)?;
         }
         for (id, name) in (before.last_attachment + 1..).zip(&self.attachments) {
@@ -304,9 +304,9 @@ fn insert_visit(
     node: &Node,
     number: usize,
 ) -> Result<()> {
-    let visit = &node.visits[number];
-    let seen = node.log.seen_row(number);
-    let hidden = node.log.hidden_row(number).map(encode_bits);
+    let visit = &node.visits()[number];
+    let seen = node.log().seen_row(number);
+    let hidden = node.log().hidden_row(number).map(encode_bits);
     let values = [
         ValueRef::Integer(row),
         generation,
@@ -320,7 +320,7 @@ fn insert_visit(
         ValueRef::Integer(seen.len() as i64),
         ValueRef::Blob(&encode_bits(seen)),
         hidden.as_deref().map_or(ValueRef::Null, ValueRef::Blob),
-        ValueRef::Blob(&encode_bits(node.experience_log.seen_row(number))),
+        ValueRef::Blob(&encode_bits(node.experience_log().seen_row(number))),
     ];
     writer.insert(&tables::VISIT, &values)?;
     let insert_features = |table, features: FeaturesView<'_>| {
@@ -335,8 +335,8 @@ fn insert_visit(
     let born = node.born_at(number);
     if !born.is_empty() {
         let born = FeaturesView {
-            keypoints: &node.features.keypoints()[born.clone()],
-            descriptors: &node.features.descriptors()[born],
+            keypoints: &node.features().keypoints()[born.clone()],
+            descriptors: &node.features().descriptors()[born],
         };
         insert_features(&tables::FEATURE, born)?;
     }
@@ -348,7 +348,7 @@ fn insert_visit(
 
 fn check_meta(stored: &Snapshot, next: &Snapshot) -> Result<()> {
     let (before, after) = (&stored.meta, &next.meta);
-    let has_visits = stored.nodes.iter().any(|node| !node.visits.is_empty());
+    let has_visits = stored.nodes.iter().any(|node| !node.visits().is_empty());
     let fixed = [
         ("uuid", before.uuid != after.uuid),
         ("extractor", before.extractor != after.extractor),
@@ -366,16 +366,16 @@ fn check_meta(stored: &Snapshot, next: &Snapshot) -> Result<()> {
 
 /// In what `after` does not extend `before`, a place of the same name; `None` if it does.
 fn difference(before: &Node, after: &Node) -> Option<String> {
-    let visits = before.visits.len();
-    if after.visits.len() < visits {
+    let visits = before.visits().len();
+    if after.visits().len() < visits {
         return Some(format!(
             "it has {} visits where {visits} are stored",
-            after.visits.len()
+            after.visits().len()
         ));
     }
     for at in 0..visits {
         // A shared appearance is not compared again.
-        let (old, new) = (&before.visits[at], &after.visits[at]);
+        let (old, new) = (&before.visits()[at], &after.visits()[at]);
         let same_appearance = match (&old.appearance, &new.appearance) {
             (Some(old), Some(new)) => Arc::ptr_eq(old, new) || old == new,
             (old, new) => old.is_none() && new.is_none(),
@@ -384,17 +384,17 @@ fn difference(before: &Node, after: &Node) -> Option<String> {
             == (new.id, new.session, new.time, new.appearance_use)
             && old.source == new.source
             && same_appearance
-            && before.log.seen_row(at) == after.log.seen_row(at)
-            && before.log.hidden_row(at) == after.log.hidden_row(at)
-            && before.experience_log.seen_row(at) == after.experience_log.seen_row(at);
+            && before.log().seen_row(at) == after.log().seen_row(at)
+            && before.log().hidden_row(at) == after.log().hidden_row(at)
+            && before.experience_log().seen_row(at) == after.experience_log().seen_row(at);
         if !same {
             return Some(format!("its visit {at} is another"));
         }
     }
-    let features = before.features.len();
-    let same_features = after.features.keypoints().get(..features)
-        == Some(before.features.keypoints())
-        && after.features.descriptors().get(..features) == Some(before.features.descriptors());
+    let features = before.features().len();
+    let same_features = after.features().keypoints().get(..features)
+        == Some(before.features().keypoints())
+        && after.features().descriptors().get(..features) == Some(before.features().descriptors());
     (!same_features).then(|| "its features are others".into())
 }
 

@@ -33,7 +33,7 @@ fn visit_once(snapshot: &mut Snapshot, place: &str, seed: u32) {
     let id = snapshot.find_or_add(&key);
     let node = snapshot.node_mut(id);
     let born = features(seed, 2 + seed % 3);
-    let len = node.features.len() + born.len();
+    let len = node.features().len() + born.len();
     let (mut seen, mut hidden) = (BitRow::zeros(len), BitRow::zeros(len));
     for i in 0..len {
         match (i + seed as usize) % 3 {
@@ -80,10 +80,11 @@ fn tiny(path: &Path) -> Map {
     for seed in 1..=4 {
         visit_once(&mut snapshot, ["door", "lamp"][seed as usize % 2], seed);
         if seed == 2 {
-            snapshot.node_mut(NodeId(0)).pose = Some([1.0, -2.5, 0.0]);
+            let pose = Some([1.0, -2.5, 0.0]);
+            snapshot.set_pose(NodeId(0), pose).expect("finite");
             let edge = Edge {
-                from: snapshot.nodes[0].key.clone(),
-                to: snapshot.nodes[1].key.clone(),
+                from: snapshot.nodes[0].key().clone(),
+                to: snapshot.nodes[1].key().clone(),
                 name: "corridor".into(),
             };
             snapshot.add_edge(edge).expect("both are there");
@@ -105,7 +106,7 @@ fn renewed(path: &Path) -> Map {
     let mut snapshot = Snapshot::clone(&map.snapshot());
     let node = &snapshot.nodes[0];
     let (forgetful, _) = node
-        .retained(&[false, true], &vec![true; node.features.len()])
+        .retained(&[false, true], &vec![true; node.features().len()])
         .expect("in step");
     snapshot.nodes[0] = Arc::new(forgetful);
     (map.replace_at(&snapshot, Time::from_s(30))).expect("stored");

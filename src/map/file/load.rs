@@ -242,7 +242,7 @@ impl<'a> VisitRow<'a> {
         born: &Features,
     ) -> Result<(), Fault> {
         let node = &mut state.snapshot.nodes[at];
-        let expected = node.visits.len();
+        let expected = node.visits().len();
         if self.number != expected {
             let place = row.count(2)?;
             let message = format!("visit {expected} of place {place} is missing");
@@ -292,8 +292,12 @@ impl Reading<'_> {
     }
 
     fn read_places(&mut self, state: &mut State) -> Result<()> {
-        let mut keys: BTreeSet<PlaceKey> =
-            state.snapshot.nodes.iter().map(|n| n.key.clone()).collect();
+        let mut keys: BTreeSet<PlaceKey> = state
+            .snapshot
+            .nodes
+            .iter()
+            .map(|n| n.key().clone())
+            .collect();
         let after = state.last_place;
         self.scan(&tables::PLACE, after, |row, is_of_line, faults, trail| {
             let key = key_of(row, 2)?;
@@ -331,7 +335,8 @@ impl Reading<'_> {
                 return Ok(());
             }
             let at = state.place_at(row, 2)?;
-            Arc::make_mut(&mut state.snapshot.nodes[at]).pose = pose;
+            (Arc::make_mut(&mut state.snapshot.nodes[at]).set_pose(pose))
+                .map_err(|error| row.misfit(3, error.to_string()))?;
             if let Some(trail) = trail {
                 trail.poses.push((row.count(1)? as u64, at, pose));
             }

@@ -7,7 +7,6 @@ use chronotope_store::{Fault, Row, Tip};
 
 use super::generation::Generation;
 use crate::map::digest::{self, ContentDigest};
-use crate::map::node::Node;
 use crate::map::snapshot::Snapshot;
 use crate::map::types::{MapMeta, VisitId};
 use fremen::error::ErrorKind;
@@ -74,8 +73,8 @@ impl State {
             prunes: self.prunes,
             time,
             num_places: nodes.len(),
-            num_visits: nodes.iter().map(|node| node.visits.len()).sum(),
-            num_features: nodes.iter().map(|node| node.features.len()).sum(),
+            num_visits: nodes.iter().map(|node| node.visits().len()).sum(),
+            num_features: nodes.iter().map(|node| node.features().len()).sum(),
             digest: digest::of_chains(&self.snapshot, &self.chains, &self.attachments),
             meta: self.meta_generation,
             edges: self.edge_generation,
@@ -85,11 +84,10 @@ impl State {
     /// Takes all visits from a place: what is written anew follows.
     pub(super) fn renew(&mut self, at: usize) {
         let node = &mut self.snapshot.nodes[at];
-        for visit in &node.visits {
+        for visit in node.visits() {
             self.visit_ids.remove(&visit.id);
         }
-        let mut empty = Node::new(node.key.clone());
-        empty.pose = node.pose;
+        let empty = node.unvisited();
         self.chains[at] = digest::first_link(&empty);
         *node = Arc::new(empty);
     }

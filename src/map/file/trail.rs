@@ -10,6 +10,7 @@ use crate::map::digest::{self, ContentDigest};
 use crate::map::node::Node;
 use crate::map::snapshot::Snapshot;
 use crate::map::types::{Edge, MapMeta};
+use fremen::error::ErrorKind;
 
 /// What one generation added, for a later check of every generation's digest.
 #[derive(Debug, Default)]
@@ -58,14 +59,15 @@ pub(super) fn check_trail(trail: &Trail, whole: &Snapshot) -> Result<(), Fault> 
         let known = replay.chains.len();
         let new = trail.places[known..].iter().take_while(|&&it| it <= number);
         for node in &whole.nodes[known..known + new.count()] {
-            let node = Node::new(node.key.clone());
+            let node = Node::new(node.key().clone());
             replay.chains.push(digest::first_link(&node));
             replay.snapshot.nodes.push(Arc::new(node));
             totals.push((0, 0));
         }
         while let Some((_, place, pose)) = poses.next_if(|pose| pose.0 <= number) {
             if let Some(node) = replay.snapshot.nodes.get_mut(*place) {
-                Arc::make_mut(node).pose = *pose;
+                (Arc::make_mut(node).set_pose(*pose))
+                    .map_err(|error| Fault::new("pose", ErrorKind::Format, error.to_string()))?;
             }
         }
         while let Some((_, name, digest)) = attachments.next_if(|it| it.0 <= number) {

@@ -108,7 +108,7 @@ pub(crate) fn update(args: &UpdateArgs, out: &mut Output) -> Result<Outcome> {
     let options = args.places.options(&args.images)?;
     let snapshot = map.snapshot();
     let recording = Recording::read(&bag, &options, Some(&snapshot))?;
-    let preset = snapshot.meta.preset.parse().unwrap_or(Preset::Default);
+    let preset = snapshot.meta().preset.parse().unwrap_or(Preset::Default);
     let cfg = TrainingConfig::new(preset, LearnConfig::preset(preset))
         .with_commit_interval(Duration::from_secs(u64::from(args.commits.commit_every_s)));
     let training = Training::to_update_from(map, recording.dataset, &cfg)?;
@@ -176,7 +176,7 @@ fn print(
         summary.num_visits,
         report.num_learnt,
         summary.num_features,
-        snapshot.edges.len(),
+        snapshot.edges().len(),
     ))?;
     Ok(Outcome::of_check(
         report.problems.is_empty() && report.num_held == 0,

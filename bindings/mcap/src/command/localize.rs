@@ -135,7 +135,7 @@ impl LocalizeArgs {
     /// A map that is larger than the budget already does not grow.
     fn bounded(&self, learn: LearnConfig) -> Result<LearnConfig> {
         let snapshot = Map::open_read_only(&self.map)?.snapshot();
-        let num_bytes: usize = snapshot.nodes.iter().map(|node| node.num_bytes()).sum();
+        let num_bytes: usize = snapshot.nodes().iter().map(|node| node.num_bytes()).sum();
         let budget = BudgetConfig::default().with_bytes(num_bytes.max(BUDGET_BYTES));
         Ok(learn.with_budget(budget)?)
     }
@@ -193,7 +193,7 @@ impl Guide {
     fn fitted(&mut self, image: GrayImage) -> chronotope::Result<(GrayImage, f64)> {
         let (from, Some(to)) = (
             image.size(),
-            self.robot.localizer().snapshot().meta.image_size,
+            self.robot.localizer().snapshot().meta().image_size,
         ) else {
             return Ok((image, 1.0));
         };

@@ -240,7 +240,7 @@ fn the_reference_preset_commits_once_at_the_end() {
     let built = fixture.succeeds(build);
     built.prints(&["24 visits (24 learnt now)"]);
     let map = Map::open_read_only(fixture.path("street.map")).expect("built");
-    assert_eq!(map.snapshot().meta.preset, "lttl");
+    assert_eq!(map.snapshot().meta().preset, "lttl");
     assert_eq!(map.generations().expect("readable").len(), 2);
     // The map says by which numbers it is queried.
     let queried = fixture.run("localize street.map --print-config");

@@ -23,8 +23,8 @@ fn world() -> &'static World {
     static WORLD: OnceLock<World> = OnceLock::new();
     WORLD.get_or_init(|| {
         let cfg = WorldConfig::new(11)
-            .num_places(NUM_PLACES)
-            .image_size(320, 240);
+            .with_num_places(NUM_PLACES)
+            .with_image_size(320, 240);
         World::new(&cfg).expect("a valid configuration")
     })
 }

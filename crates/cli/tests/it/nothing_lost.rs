@@ -145,7 +145,7 @@ fn the_journal_of_a_map_that_is_gone_spoils_no_new_one() {
     fixture.write("street.map-journal", journal);
     fixture.succeeds("map edge street.map add place-01 place-02");
     fixture.succeeds("map verify street.map");
-    assert_eq!(fixture.open("street.map").edges.len(), 3);
+    assert_eq!(fixture.open("street.map").edges().len(), 3);
 }
 
 #[test]

@@ -153,7 +153,10 @@ fn colmap_2104_images_are_turned_cut_and_scaled_as_the_options_say() {
     let cut = format!("localize street.map framed.png {time} --crop 20,10,320,240");
     fixture.succeeds(&cut).prints(&["decision      place-02"]);
     fixture.succeeds("map build --data data --out twice.map --scale 2");
-    assert_eq!(fixture.open("twice.map").meta.image_size, Some((640, 480)));
+    assert_eq!(
+        fixture.open("twice.map").meta().image_size,
+        Some((640, 480))
+    );
     for bad in ["--scale 0", "--rotate 45", "--crop 1,2,3"] {
         fixture.fails(
             &format!("localize street.map framed.png {time} {bad}"),
@@ -172,7 +175,7 @@ fn rtabmap_612_a_folder_that_was_renamed_is_known() {
     fixture.succeeds("map build --data renamed --out b.map");
     let ids = |map: &str| -> Vec<_> {
         let snapshot = fixture.open(map);
-        let visits = snapshot.nodes.iter().flat_map(|node| &node.visits);
+        let visits = snapshot.nodes().iter().flat_map(|node| node.visits());
         visits.map(|visit| visit.id).collect()
     };
     assert_eq!(ids("a.map"), ids("b.map"));

@@ -39,11 +39,11 @@ fn an_update_ends_where_a_build_of_everything_does() {
         updated.prints(&["(8 learnt now)"]);
         updated.notes(&["16 of 24 visits"]);
         let (grown, whole) = (fixture.open("grown.map"), fixture.open("whole.map"));
-        assert_eq!(grown.nodes, whole.nodes, "{preset}");
-        assert_eq!(grown.edges, whole.edges);
+        assert_eq!(grown.nodes(), whole.nodes(), "{preset}");
+        assert_eq!(grown.edges(), whole.edges());
         // Nothing is left to learn.
         update().prints(&["(0 learnt now)"]);
-        assert_eq!(fixture.open("grown.map").generation, grown.generation);
+        assert_eq!(fixture.open("grown.map").generation(), grown.generation());
         fixture.succeeds("map rollback grown.map --to 1");
         assert!(fixture.open("grown.map").summary().num_visits <= 16);
         fixture.succeeds("map verify grown.map");
@@ -73,9 +73,9 @@ fn a_stay_is_one_visit_by_update_and_by_learning_live() {
     updated.prints(&["(1 learnt now)"]);
     updated.notes(&["299 more images belong to these visits"]);
     assert_eq!(num_visits(), visits_before + 1);
-    let generation = fixture.open("street.map").generation;
+    let generation = fixture.open("street.map").generation();
     update().prints(&["(0 learnt now)"]);
-    assert_eq!(fixture.open("street.map").generation, generation);
+    assert_eq!(fixture.open("street.map").generation(), generation);
 
     let stills = vec!["still.png"; 20].join(" ");
     fixture.write("still.png", png(0, query_time(), 8));
@@ -142,7 +142,7 @@ fn a_killed_update_loses_nothing_it_acknowledged() {
         num_seen += u64::from(acknowledged > 0);
         let found = Map::open(&path).expect("sound").snapshot();
         assert!(
-            found.generation >= acknowledged,
+            found.generation() >= acknowledged,
             "{acknowledged} was acknowledged"
         );
         let report = Map::verify(&path).expect("a map");
@@ -154,7 +154,7 @@ fn a_killed_update_loses_nothing_it_acknowledged() {
         );
         num_visits = now;
         if is_finished {
-            assert_eq!(found.nodes, whole.nodes);
+            assert_eq!(found.nodes(), whole.nodes());
             fs::remove_file(&path).expect("ours");
             num_finished += 1;
         }
@@ -166,7 +166,7 @@ fn a_killed_update_loses_nothing_it_acknowledged() {
         fs::copy(&start, &path).expect("writable");
     }
     fixture.succeeds(update);
-    assert_eq!(fixture.open("grown.map").nodes, whole.nodes);
+    assert_eq!(fixture.open("grown.map").nodes(), whole.nodes());
 }
 
 #[test]

@@ -6,8 +6,8 @@
 //! The true p(t) of every drawn [`Element`] is known, so it is the ground truth for models of
 //! visibility, as well as data for demonstrations and tests on machines without data.
 //!
-//! The same code draws the control: [`WorldConfig::rhythms`]`(false)` gives every element its own
-//! long-term mean at all times and stops the sun, so that there is nothing to learn from time.
+//! The same code draws the control: [`WorldConfig::with_rhythms`]`(false)` gives every element its
+//! own long-term mean at all times and stops the sun, so that there is nothing to learn from time.
 //!
 //! The houses are built alike and what lasts is much the same everywhere: places are distinguished
 //! best by what comes and goes. The generator is frozen: its constants were chosen on seeds from

@@ -189,9 +189,11 @@ impl Calibration {
     /// What part of the log odds of an image in which nothing of a place is found is left out.
     ///
     /// Which places have more features to miss than others is known only as well as how often they
-    /// are seen again; with few visits it would outweigh what was found.
+    /// are seen again; with few visits it would outweigh what was found. (In a map of one run the
+    /// levels of its places, which are believed in full there, say the same.)
     pub(super) fn discount(&self) -> f64 {
-        (1.0 - self.trust).powi(2)
+        let is_one_run = self.spread >= 1.0;
+        (1.0 - self.trust).powi(2) * f64::from(u8::from(!is_one_run))
     }
 
     /// What outlier matches say at a place.

@@ -47,6 +47,8 @@ pub struct LearnConfig(Fields);
 struct Fields {
     recipe: Recipe,
     features_per_visit: usize,
+    settled_visits: usize,
+    births_of_settled: usize,
     keep_appearances: KeepAppearances,
     experience_features: usize,
     min_inliers: u32,
@@ -78,6 +80,7 @@ impl TryFrom<Fields> for LearnConfig {
     fn try_from(fields: Fields) -> Result<Self> {
         for (name, value) in [
             ("features-per-visit", fields.features_per_visit),
+            ("births-of-settled", fields.births_of_settled),
             ("experience-features", fields.experience_features),
         ] {
             if value == 0 {
@@ -125,7 +128,9 @@ impl LearnConfig {
     pub fn preset(preset: Preset) -> Self {
         let fields = Fields {
             recipe: Recipe::Online,
-            features_per_visit: 300,
+            features_per_visit: 600,
+            settled_visits: 20,
+            births_of_settled: 300,
             keep_appearances: KeepAppearances::Experiences,
             experience_features: 50,
             min_inliers: 8,
@@ -143,6 +148,7 @@ impl LearnConfig {
             Preset::Lttl => Fields {
                 recipe: Recipe::Reference,
                 features_per_visit: 500,
+                births_of_settled: 500,
                 keep_appearances: KeepAppearances::All,
                 reobserve: MatchConfig::lttl(crate::matching::Direction::MapToLive),
                 experience: fields.experience.clone().with_score(Score::Count),
@@ -202,6 +208,17 @@ impl LearnConfig {
     /// The strongest features of an image that are learnt from.
     pub fn features_per_visit(&self) -> usize {
         self.0.features_per_visit
+    }
+
+    /// From how many visits on a place is settled (online recipe).
+    pub fn settled_visits(&self) -> usize {
+        self.0.settled_visits
+    }
+
+    /// At a settled place only the strongest features of an image, so many, can be born: what lasts
+    /// is known by then, and more would make the map larger and not better.
+    pub fn births_of_settled(&self) -> usize {
+        self.0.births_of_settled
     }
 
     /// Which visits keep their own features.

@@ -405,13 +405,15 @@ impl Learner {
 
     /// Looks for the features of the place at `index` in an image (online recipe).
     fn find(&mut self, index: usize, observation: &Observation<'_>, features: &Features) -> Found {
+        let node = &self.snapshot.nodes()[index];
         online::find(
             &self.cfg,
             &self.reobserve,
             &mut self.scratch,
-            self.snapshot.nodes()[index].features().view(),
+            node.features().view(),
             observation,
             features,
+            node.visits().len(),
         )
     }
 

@@ -4,7 +4,8 @@
 //!    live feature goes to the nearest of those that want it.
 //! 2. The displacement that most pairs agree on is the camera's; the pairs that agree were *seen*.
 //! 3. Live features that no agreeing pair uses are *born*, moved back by the displacement, so that
-//!    all features of a place share the frame of its first visit.
+//!    all features of a place share the frame of its first visit; at a place of many visits the
+//!    strongest only.
 //! 4. Features that the displacement moves out of the image, or under the mask, were *not
 //!    observable*; neither was anything in an image without any features (a black one).
 
@@ -21,6 +22,7 @@ pub(super) fn find(
     known: FeaturesView<'_>,
     observation: &Observation<'_>,
     live: &Features,
+    num_visits: usize,
 ) -> Found {
     let Scratch {
         matching,
@@ -50,7 +52,12 @@ pub(super) fn find(
         }
     }
     let mut born = Features::new();
-    for id in (0..live.len()).filter(|&id| !is_known.get(id)) {
+    let may_be_born = if num_visits < cfg.settled_visits() {
+        live.len()
+    } else {
+        live.len().min(cfg.births_of_settled())
+    };
+    for id in (0..may_be_born).filter(|&id| !is_known.get(id)) {
         let mut keypoint = live.keypoints()[id];
         keypoint.x -= shift.dx_px as f32;
         keypoint.y -= shift.dy_px as f32;

@@ -10,8 +10,8 @@ use fremen::visibility::VisibilityConfig;
 
 /// An answer may be wrong one time in twenty.
 const RISK: f64 = 0.05;
-/// However few visits a place has, it is not predicted by more features than this for their sake.
-const MAX_FOR_FEW_VISITS: usize = 300;
+/// However few visits a place has, it is not predicted by more features than this for each of them.
+const MAX_A_VISIT: usize = 600;
 
 /// The one of `all` that is called `name`; an error that lists them, if none is.
 pub(super) fn by_name<T: Copy, const N: usize>(
@@ -230,6 +230,8 @@ struct Fields {
     score: Score,
     selection: Selection,
     many_visits: u32,
+    settled_visits: u32,
+    settled_live_features: usize,
     choice: Choice,
     calibrated: bool,
     without: Vec<EvidencePart>,
@@ -282,6 +284,8 @@ impl LocalizerConfig {
                 score: Score::Count,
                 selection: Selection::at_least_one(50),
                 many_visits: 1,
+                settled_visits: 20,
+                settled_live_features: 0,
                 choice: Choice::Likeliest,
                 calibrated: false,
                 without: Vec::new(),
@@ -299,6 +303,8 @@ impl LocalizerConfig {
                 score: Score::Likelihood,
                 selection: Selection::at_least_one(50),
                 many_visits: 10,
+                settled_visits: 20,
+                settled_live_features: 300,
                 choice: Choice::Covering,
                 calibrated: true,
                 without: Vec::new(),
@@ -365,11 +371,21 @@ impl LocalizerConfig {
     }
 
     /// A place of fewer visits than this is predicted by more than n features, as long as little is
-    /// known of which of them last: by `n * (many_visits / visits)^2` (rounded up), at most 300.
-    /// With 1, by n.
+    /// known of which of them last: by `n * (many_visits / visits)^4` (rounded up), at most 600 for
+    /// each visit. With 1, by n.
     #[must_use]
     pub fn with_many_visits(mut self, many_visits: u32) -> Self {
         self.0.many_visits = many_visits;
+        self
+    }
+
+    /// Once every place of a map has so many visits, only the strongest `num_features` of a live
+    /// image take part: the features that last are known by then, and they are among the strongest.
+    /// With 0 features, all of them always do.
+    #[must_use]
+    pub fn with_settled(mut self, num_visits: u32, num_features: usize) -> Self {
+        self.0.settled_visits = num_visits;
+        self.0.settled_live_features = num_features;
         self
     }
 
@@ -464,6 +480,17 @@ impl LocalizerConfig {
         self.0.many_visits
     }
 
+    /// How many of the strongest features of a live image take part in a map whose places have so
+    /// many visits each.
+    pub(super) fn num_live(&self, mut num_visits: impl Iterator<Item = usize>) -> usize {
+        let settled = self.0.settled_visits as usize;
+        match self.0.settled_live_features {
+            0 => usize::MAX,
+            few if num_visits.all(|num| num >= settled) => few,
+            _ => usize::MAX,
+        }
+    }
+
     /// How many features a place of so many visits is predicted by, at `n`.
     pub(super) fn num_predicted(&self, n: usize, num_visits: usize) -> usize {
         let many = self.0.many_visits as usize;
@@ -471,9 +498,13 @@ impl LocalizerConfig {
             return n;
         }
         let num_visits = num_visits.max(1);
-        let grown = n.saturating_mul(many.saturating_mul(many));
-        let grown = grown.div_ceil(num_visits * num_visits);
-        grown.min(MAX_FOR_FEW_VISITS).max(n)
+        let fourth = |number: usize| (number as u128).pow(4);
+        // At most 600 of each of fewer than 2^32 visits: the casts lose nothing.
+        let most = (MAX_A_VISIT as u128) * (num_visits as u128);
+        let grown = (n as u128)
+            .saturating_mul(fourth(many))
+            .div_ceil(fourth(num_visits));
+        n.max(grown.min(most) as usize)
     }
 
     /// The selection for a place of so many visits.

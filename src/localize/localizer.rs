@@ -7,13 +7,14 @@ use rayon::prelude::*;
 use super::candidates::{Finder, LENGTH};
 use super::config::{LocalizerConfig, PlaceSearch, Score};
 use super::evidence::{
-    self, Calibration, Expectation, Hits, LogMean, PosteriorCalibration, as_evidence,
+    self, Calibration, Expectation, Hits, LogMean, PlaceEvidence, PosteriorCalibration, as_evidence,
 };
 use super::forecast::{Forecast, ForecastSource, Forecasts};
 use super::localization::{Decision, Localization};
 use super::plan::{Plan, PlannedMap};
 use super::query::Query;
 use super::scratch::Scratch;
+use super::sweep::PlaceScores;
 use super::verify::Verified;
 use crate::feature::FeaturesView;
 use crate::map::{NodeId, Snapshot};
@@ -273,7 +274,7 @@ impl Localizer {
         forecast: Option<&Forecast>,
         out: &mut Localization,
     ) {
-        let live = query.features.view();
+        let live = query.features.view().prefix(self.map.num_live);
         match forecast {
             Some(forecast) => self.match_predicted(scratch, forecast, live, out),
             None => self.match_appearances(scratch, time, live, out),
@@ -306,8 +307,10 @@ impl Localizer {
             shortlist,
             places,
             ends,
+            of_nothing,
             ..
         } = scratch;
+        of_nothing.clear();
         let finder = forecast.shortlist(&self.finder);
         if let Some(finder) = finder {
             finder.shortlist_into(shortlist, live.descriptors, LENGTH, places);
@@ -323,6 +326,7 @@ impl Localizer {
             let id = finder.map_or(NodeId(part as u32), |_| NodeId(places[part]));
             let candidate = &mut out.ranking[part];
             candidate.restart(id);
+            of_nothing.push((forecast.expectation(id)).map_or(0.0, Expectation::of_nothing));
             candidate.predict(forecast.ids(id), forecast.probabilities(id));
             let ranked = forecast.features(id);
             let verified = verifier.verify(self.cfg().vote(), matches, ranked, live);
@@ -348,14 +352,16 @@ impl Localizer {
             expectation,
             likely,
             visits,
+            of_nothing,
             ..
         } = scratch;
+        of_nothing.clear();
         out.restart(self.map.plans.len());
         for (id, candidate) in (0..).map(NodeId).zip(&mut out.ranking) {
             candidate.restart(id);
             let plan = &self.map.plans[id.0 as usize];
             plan.visits_into(time, likely, visits);
-            let mut odds = LogMean::default();
+            let [mut odds, mut odds_of_nothing] = [LogMean::default(); 2];
             for &visit in &*visits {
                 let ranked = self.map.appearance(id, visit, self.largest_size());
                 out.pairs_compared += (ranked.len() * live.len()) as u64;
@@ -365,7 +371,9 @@ impl Localizer {
                 let log_odds = self.log_odds(hits, Some(expectation), &verified);
                 candidate.record(self.cfg(), Some(visit), &verified, log_odds);
                 odds.push(log_odds);
+                odds_of_nothing.push(expectation.of_nothing());
             }
+            of_nothing.push(odds_of_nothing.value());
             candidate.finalize(self.cfg().score(), odds.value());
         }
     }
@@ -405,9 +413,12 @@ impl Localizer {
         };
         let score = self.cfg().score();
         scratch.scores.clear();
-        (scratch.scores).extend((out.ranking.iter()).map(|it| as_evidence(score, it.score)));
+        let matched = out.ranking.iter().zip(&scratch.of_nothing);
+        (scratch.scores)
+            .extend(matched.map(|(it, &of_nothing)| as_evidence(score, it.score, of_nothing)));
         // Places that were not worth matching count as the last one that was.
-        let least = scratch.scores.iter().copied().fold(f64::INFINITY, f64::min);
+        let less = |a: PlaceEvidence, b: PlaceEvidence| if b.score < a.score { b } else { a };
+        let least = (scratch.scores.iter().copied().reduce(less)).unwrap_or_default();
         scratch.scores.resize(self.map.plans.len(), least);
         let calibration = calibration.posterior_calibration(score, self.typical_size(out));
         let (scores, posterior) = (&scratch.scores, &mut scratch.posterior);
@@ -419,14 +430,18 @@ impl Localizer {
         }
     }
 
-    /// The posterior of each place, and of being off the map, from their scores at `n` features;
-    /// `None` without calibration.
-    ///
-    /// An evaluation uses this for scores that it has of a [`Sweep`](super::Sweep).
-    pub fn posterior(&self, score: Score, n: usize, scores: &[f64]) -> Option<(Vec<f64>, f64)> {
+    /// The posterior of each place, and of being off the map, from what a
+    /// [`Sweep`](super::Sweep) says of each place, by node, at `n` features; `None` without
+    /// calibration.
+    pub fn posterior(
+        &self,
+        score: Score,
+        n: usize,
+        scores: &[PlaceScores],
+    ) -> Option<(Vec<f64>, f64)> {
         let calibration = self.calibration.as_ref()?.posterior_calibration(score, n);
-        let evidence: Vec<f64> = (scores.iter())
-            .map(|&value| as_evidence(score, value))
+        let evidence: Vec<PlaceEvidence> = (scores.iter())
+            .map(|it| as_evidence(score, it.by(score), it.log_odds_of_nothing))
             .collect();
         let mut posterior = Vec::new();
         let off_map = calibration.posterior_into(&evidence, self.cfg().off_map(), &mut posterior);
@@ -446,7 +461,7 @@ impl Localizer {
     fn share_near(
         &self,
         posterior_calibration: PosteriorCalibration,
-        scores: &[f64],
+        scores: &[PlaceEvidence],
         posterior: &mut [f64],
         num_ranked: usize,
         node_at: impl Fn(usize) -> NodeId,
@@ -454,7 +469,13 @@ impl Localizer {
         let Some(known) = &self.calibration else {
             return;
         };
-        let better = |a: usize, b: usize| if scores[b] > scores[a] { b } else { a };
+        let better = |a: usize, b: usize| {
+            if scores[b].score > scores[a].score {
+                b
+            } else {
+                a
+            }
+        };
         let Some(best) = (0..num_ranked).reduce(better) else {
             return;
         };

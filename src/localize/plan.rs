@@ -30,6 +30,8 @@ pub(super) struct PlannedMap {
     pub(super) matcher: Matcher,
     /// Shared with those of other generations of the map, where a place is the same in both.
     pub(super) plans: Vec<Arc<Plan>>,
+    /// Of the features of a live image, so many of the strongest take part.
+    pub(super) num_live: usize,
     /// By whose clocks places are predicted.
     pub(super) zone: Option<Zone>,
 }
@@ -104,7 +106,9 @@ impl PlannedMap {
         zone: Option<Zone>,
         plans: Vec<Arc<Plan>>,
     ) -> Self {
+        let num_visits = snapshot.nodes().iter().map(|node| node.visits().len());
         Self {
+            num_live: cfg.num_live(num_visits),
             matcher: Matcher::new(cfg.matching().clone()),
             snapshot,
             cfg,

@@ -1,7 +1,7 @@
 //! What memory does a localisation work in?
 
 use super::candidates::ShortlistScratch;
-use super::evidence::{Expectation, Hits};
+use super::evidence::{Expectation, Hits, PlaceEvidence};
 use super::verify::Verifier;
 use crate::feature::Features;
 use crate::matching::{Match, MatchScratch};
@@ -27,6 +27,8 @@ pub struct Scratch {
     /// The places on the short list, and where the features of each end in `ranked`.
     pub(super) places: Vec<u32>,
     pub(super) ends: Vec<usize>,
-    pub(super) scores: Vec<f64>,
+    pub(super) scores: Vec<PlaceEvidence>,
+    /// What each place scores in an image in which nothing of it is found.
+    pub(super) of_nothing: Vec<f64>,
     pub(super) posterior: Vec<f64>,
 }

@@ -28,6 +28,8 @@ pub struct PlaceScores {
     pub inliers: u32,
     /// Log odds of being at the place against another one; 0 without calibration.
     pub log_odds: f64,
+    /// What they are in an image in which nothing of the place is found; 0 without calibration.
+    pub log_odds_of_nothing: f64,
 }
 
 impl PlaceScores {
@@ -51,8 +53,8 @@ pub struct Sweep {
     pairs_compared: Vec<u64>,
     /// For each node and visit, what its appearance says at each size; empty where not yet matched.
     appearances: Vec<Vec<Vec<PlaceScores>>>,
-    /// The log odds of a place's appearances, at each size.
-    odds: Vec<LogMean>,
+    /// The log odds of a place's appearances, at each size, and those of nothing.
+    odds: Vec<[LogMean; 2]>,
 }
 
 impl Sweep {
@@ -119,7 +121,7 @@ impl Localizer {
         pairs_compared.clear();
         pairs_compared.resize(sizes.len(), 0);
         appearances.resize_with(self.map.plans.len(), Vec::new);
-        let num_live = query.features.len();
+        let num_live = query.features.len().min(self.map.num_live);
         let mut count_pairs = |sizes: &[usize], num_ranked: usize| {
             for (pairs, &size) in pairs_compared.iter_mut().zip(sizes) {
                 *pairs += (size.min(num_ranked) * num_live) as u64;
@@ -150,7 +152,7 @@ impl Localizer {
                     known.resize_with(self.snapshot().node(id).visits().len(), Vec::new);
                     let visits = std::mem::take(&mut scratch.visits);
                     odds.clear();
-                    odds.resize(sizes.len(), LogMean::default());
+                    odds.resize(sizes.len(), [LogMean::default(); 2]);
                     for &visit in &visits {
                         let ranked = self.map.appearance(id, visit, largest);
                         count_pairs(sizes, ranked.len());
@@ -166,11 +168,14 @@ impl Localizer {
                         {
                             scores.count = scores.count.max(known.count);
                             scores.inliers = scores.inliers.max(known.inliers);
+                            let [odds, of_nothing] = odds;
                             odds.push(known.log_odds);
+                            of_nothing.push(known.log_odds_of_nothing);
                         }
                     }
-                    for (scores, odds) in scores.iter_mut().zip(&*odds) {
+                    for (scores, [odds, of_nothing]) in scores.iter_mut().zip(&*odds) {
                         scores.log_odds = odds.value();
+                        scores.log_odds_of_nothing = of_nothing.value();
                     }
                     scratch.visits = visits;
                 }
@@ -249,7 +254,7 @@ impl Localizer {
         sizes: &[usize],
         out: &mut [PlaceScores],
     ) {
-        let live = query.features.view();
+        let live = query.features.view().prefix(self.map.num_live);
         let Scratch {
             matching,
             verifier,
@@ -259,13 +264,19 @@ impl Localizer {
         } = scratch;
         (self.map.matcher).prefixes_into(matching, ranked, live, sizes, |size, matches| {
             let verified = verifier.verify(self.cfg().vote(), matches, ranked, live);
-            if self.calibration.is_some() {
+            let is_calibrated = self.calibration.is_some();
+            if is_calibrated {
                 expectation.finalize(sizes[size]);
             }
             out[size] = PlaceScores {
                 count: matches.len() as u32,
                 inliers: verified.vote.num_inliers,
                 log_odds: self.log_odds(hits, Some(expectation), &verified),
+                log_odds_of_nothing: if is_calibrated {
+                    expectation.of_nothing()
+                } else {
+                    0.0
+                },
             };
         });
     }

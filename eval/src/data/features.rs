@@ -7,6 +7,8 @@
 
 use chronotope::dataset::{Dataset, Entry, Problem};
 use chronotope::feature::{Descriptor, Extractor, Features, Keypoint, StarBrief, StarBriefConfig};
+use chronotope::learn::LearnConfig;
+use chronotope::localize::Preset;
 use chronotope::{Error, ErrorKind, Result};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
@@ -208,7 +210,9 @@ fn read_one(file: &mut impl Read) -> Result<Extracted> {
     })
 }
 
-/// The extractor of every suite.
+/// The extractor of every suite: as many features as the preset that learns from most of them.
 pub(crate) fn extractor() -> Result<StarBrief> {
-    StarBrief::new(StarBriefConfig::default())
+    let of = |preset: &Preset| LearnConfig::preset(*preset).features_per_visit();
+    let most = Preset::ALL.iter().map(of).max().unwrap_or_default();
+    StarBrief::new(StarBriefConfig::default().with_num_features(most))
 }

@@ -11,7 +11,7 @@ use chronotope::Time;
 use chronotope::dataset::Dataset;
 use chronotope::feature::Features;
 use chronotope::learn::{KeepAppearances, LearnConfig, Learner, Observation};
-use chronotope::localize::{Localizer, Query, Score, Scratch, Sweep};
+use chronotope::localize::{Localizer, PlaceScores, Query, Score, Scratch, Sweep};
 use chronotope::map::{MapMeta, NodeId, SessionId, Snapshot, derived_uuid};
 use chronotope::predict::Choice;
 use rayon::prelude::*;
@@ -171,21 +171,21 @@ fn answer_query(
 
 /// What the image said of every place at the sweep's `size`-th n.
 fn image_answer(localizer: &Localizer, sweep: &Sweep, size: usize) -> ImageAnswer {
-    let scores = scores(localizer, sweep, Score::Likelihood, size);
+    let places = places(localizer, sweep, size);
     let (posterior, off_map) = localizer
-        .posterior(Score::Likelihood, sweep.sizes()[size], &scores)
-        .unwrap_or_else(|| (vec![0.0; scores.len()], 1.0));
+        .posterior(Score::Likelihood, sweep.sizes()[size], &places)
+        .unwrap_or_else(|| (vec![0.0; places.len()], 1.0));
     ImageAnswer {
-        scores,
+        scores: places.iter().map(|it| it.by(Score::Likelihood)).collect(),
         posterior,
         off_map,
     }
 }
 
 /// What every place scored, by node, at the sweep's `size`-th n.
-fn scores(localizer: &Localizer, sweep: &Sweep, score: Score, size: usize) -> Vec<f64> {
+fn places(localizer: &Localizer, sweep: &Sweep, size: usize) -> Vec<PlaceScores> {
     (0..localizer.snapshot().nodes().len())
-        .map(|node| sweep.scores(NodeId(node as u32), size).by(score))
+        .map(|node| sweep.scores(NodeId(node as u32), size))
         .collect()
 }
 
@@ -193,9 +193,10 @@ fn scores(localizer: &Localizer, sweep: &Sweep, score: Score, size: usize) -> Ve
 fn answer(localizer: &Localizer, sweep: &Sweep, score: Score, size: usize) -> Answer {
     let nodes = localizer.snapshot().nodes();
     let name = |node: usize| nodes[node].key().as_str().to_owned();
-    let scores = scores(localizer, sweep, score, size);
+    let places = places(localizer, sweep, size);
+    let scores: Vec<f64> = places.iter().map(|it| it.by(score)).collect();
     let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let weighed = localizer.posterior(score, sweep.sizes()[size], &scores);
+    let weighed = localizer.posterior(score, sweep.sizes()[size], &places);
     let posterior = weighed
         .as_ref()
         .map_or_else(BTreeMap::new, |(shares, off_map)| {

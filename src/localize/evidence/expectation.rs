@@ -44,6 +44,9 @@ pub(in crate::localize) struct Expectation {
     outliers: OutlierRatios,
     /// What the place scores where it is not.
     level: f64,
+    /// What part of the log odds of nothing is left out, and those odds.
+    discount: f64,
+    of_nothing: f64,
     num_references: usize,
     /// ln of how much each reference visit counts, which is 1 on average; nothing where all count
     /// alike.
@@ -93,6 +96,7 @@ impl Expectation {
     ) {
         let outliers = calibration.outlier_ratios(node);
         self.level = calibration.level(node);
+        self.discount = calibration.discount();
         self.conditions = CONDITIONS.map(|condition| condition.powf(calibration.spread));
         self.log_prior = calibration.conditions.map(f64::ln);
         if calibration.uses_references {
@@ -152,6 +156,7 @@ impl Expectation {
         len: usize,
     ) {
         self.level = calibration.level(node);
+        self.discount = calibration.discount();
         self.conditions = CONDITIONS.map(|condition| condition.powf(calibration.spread));
         self.log_prior = calibration.conditions.map(f64::ln);
         self.restart_alone(calibration.outlier_ratios(node));
@@ -193,6 +198,7 @@ impl Expectation {
 
     fn forget_sums(&mut self) {
         self.num_finalized = 0;
+        self.of_nothing = 0.0;
         self.nothing = [0.0; CONDITIONS.len()];
         self.nothing_seen.clear();
         for _ in CONDITIONS {
@@ -219,6 +225,7 @@ impl Expectation {
             }
         }
         self.num_finalized = len;
+        self.of_nothing = log_sum(&self.log_odds_under(&[], self.log_prior));
     }
 
     /// The log odds given the matches of an image.
@@ -238,7 +245,8 @@ impl Expectation {
         for &(_, distance_bits) in hits {
             common += calibration.distance_log_ratio(distance_bits);
         }
-        common + log_sum(&self.log_odds_under(hits, self.log_prior)) - self.level
+        let odds = common + log_sum(&self.log_odds_under(hits, self.log_prior));
+        odds - self.discount * self.of_nothing - self.level
     }
 
     /// The log odds of each condition, with its prior, where these features are found: those that
@@ -268,7 +276,7 @@ impl Expectation {
 
     /// The log odds where nothing is matched.
     pub(in crate::localize) fn of_nothing(&self) -> f64 {
-        log_sum(&self.log_odds_under(&[], self.log_prior)) - self.level
+        (1.0 - self.discount) * self.of_nothing - self.level
     }
 
     /// About how much the match of one feature adds: under usual conditions, and as if all

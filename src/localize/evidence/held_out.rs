@@ -14,7 +14,7 @@
 //! again from the features that the log says were seen then, with the descriptors they were born
 //! with.
 //!
-//! Cost: a few fits of each held-out place's model, and (images x places) matches of up to 300
+//! Cost: a few fits of each held-out place's model, and (images x places) matches of up to 600
 //! features; both are bounded ([`MAX_PLACES`], [`MAX_TRIALS`]) however large the map is.
 
 use std::sync::Arc;
@@ -184,7 +184,7 @@ pub(super) fn match_held_out(
 ) -> Result<(Vec<HeldOutVisit>, Vec<Trial>)> {
     let nodes = map.snapshot.nodes();
     let folds = Folds::of(&map.snapshot);
-    let images = held_out_visits(nodes, &folds);
+    let images = held_out_visits(nodes, &folds, map.num_live);
     let spread_others: Vec<usize> = spread(nodes.len(), MAX_OTHERS).collect();
     // What each image is matched with: its own place, those around it, and others.
     let pairs: Vec<Vec<(usize, Option<usize>)>> = (images.iter())
@@ -244,7 +244,7 @@ pub(super) fn match_held_out(
 }
 
 /// The visits that are held out.
-fn held_out_visits(nodes: &[Arc<Node>], folds: &Folds) -> Vec<HeldOutVisit> {
+fn held_out_visits(nodes: &[Arc<Node>], folds: &Folds, num_live: usize) -> Vec<HeldOutVisit> {
     let mut chosen = Vec::new();
     for node in spread(nodes.len(), MAX_PLACES) {
         for fold in 0..folds.count.max(1) {
@@ -260,7 +260,8 @@ fn held_out_visits(nodes: &[Arc<Node>], folds: &Folds) -> Vec<HeldOutVisit> {
     spread(chosen.len(), limit)
         .map(|index| chosen[index])
         .filter_map(|(node, fold, visit)| {
-            let features = image_of(&nodes[node], visit);
+            let mut features = image_of(&nodes[node], visit);
+            features.truncate(num_live);
             (!features.is_empty()).then(|| HeldOutVisit {
                 node,
                 fold: (folds.count > 0).then_some(fold),

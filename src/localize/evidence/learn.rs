@@ -19,7 +19,9 @@ use super::conditions::{self, CONDITIONS, Conditions, learn_conditions};
 use super::curve::Curve;
 use super::expectation::{Expectation, Hits, LogMean};
 use super::held_out::{Found, OutlierCounts, RATE_SIZE, Record, Trial, match_held_out};
-use super::posterior::{HeldOutScores, PosteriorCalibration, as_evidence, prior_calibration};
+use super::posterior::{
+    HeldOutScores, PlaceEvidence, PosteriorCalibration, as_evidence, prior_calibration,
+};
 use super::rates::{
     Calibration, DisplacementPrior, FALSE_RATE, FALSE_RATE_PRIOR, MAX_OUTLIER_RATE, SIZES, Trials,
 };
@@ -61,6 +63,8 @@ const MIN_ALIKE_INLIERS: usize = 20;
 /// the features that were looked for.
 const OWN_INLIERS_SHARE: f64 = 0.5;
 const TRIED_SHARE: f64 = 0.15;
+/// So many visits a place, and half of what was learnt is believed.
+const TRUSTED_BY: f64 = 6.6;
 /// The method that keeps every appearance.
 const EVERYTHING: Method = Method::ExperienceAll;
 
@@ -89,6 +93,7 @@ impl Calibration {
         calibration.neighbours = calibration.neighbours.with_reach(reach(&trials));
         let of_own = trials.iter().filter(|it| it.steps == Some(0));
         calibration.spread = conditions::spread(of_own.count());
+        calibration.trust = trust(map.snapshot.nodes().iter().map(|node| node.visits().len()));
         calibration.learn_rates(map, &trials);
         calibration.learn_outliers(map.plans.len(), &trials);
         let seen = Reobservation::of(&map.snapshot)?;
@@ -280,8 +285,9 @@ impl Calibration {
         (expectation, hits): &mut (Expectation, Hits),
         trial: &Trial,
         size: usize,
-    ) -> [f64; Score::ALL.len()] {
-        let (mut count, mut inliers, mut odds) = (0, 0, LogMean::default());
+    ) -> [PlaceEvidence; Score::ALL.len()] {
+        let (mut count, mut inliers) = (0, 0);
+        let [mut odds, mut of_nothing] = [LogMean::default(); 2];
         for record in &trial.records {
             let found = &record.found[size];
             count = count.max(found.num_matches);
@@ -289,11 +295,15 @@ impl Calibration {
             self.expect(expectation, trial, record, size);
             let are_inliers = vec![true; found.inliers.len()];
             odds.push(expectation.log_odds(self, hits, &verified(found, &are_inliers)));
+            of_nothing.push(expectation.of_nothing());
         }
-        Score::ALL.map(|score| match score {
-            Score::Count => f64::from(count),
-            Score::Inliers => f64::from(inliers),
-            Score::Likelihood => as_evidence(Score::Likelihood, odds.value()),
+        Score::ALL.map(|score| {
+            let value = match score {
+                Score::Count => f64::from(count),
+                Score::Inliers => f64::from(inliers),
+                Score::Likelihood => odds.value(),
+            };
+            as_evidence(score, value, of_nothing.value())
         })
     }
 
@@ -329,7 +339,7 @@ impl Calibration {
             .filter(|it| self.place_of(it) == TrialPlace::Other)
         {
             let [.., odds] = self.scores(&mut memory, trial, RATE_SIZE);
-            let of_place = &mut of_place[trial.node];
+            let (odds, of_place) = (odds.score, &mut of_place[trial.node]);
             *of_place = (of_place.0 + odds, of_place.1 + 1.0);
             sum += odds;
             count += 1.0;
@@ -448,6 +458,13 @@ fn reach(trials: &[Trial]) -> usize {
             num > 0 && num_alike as f64 >= ALIKE_SHARE * num as f64
         })
         .count()
+}
+
+/// How much what was learnt of a map is believed whose places have so many visits.
+fn trust(num_visits: impl ExactSizeIterator<Item = usize>) -> f64 {
+    let num_places = num_visits.len().max(1) as f64;
+    let mean = num_visits.sum::<usize>() as f64 / num_places;
+    1.0 - 1.0 / (1.0 + (mean / TRUSTED_BY).powi(3))
 }
 
 /// No trials, of each feature of each hypothesis.

@@ -49,5 +49,5 @@ pub(super) use attachment::{VERSION, attached, to_attachment};
 pub use curve::Curve;
 pub(super) use expectation::{Expectation, Hits, LogMean};
 pub use posterior::PosteriorCalibration;
-pub(super) use posterior::as_evidence;
+pub(super) use posterior::{PlaceEvidence, as_evidence};
 pub use rates::Calibration;

@@ -10,9 +10,11 @@
 //! P(off map) ~      e      * exp(bias + level * m)
 //! ```
 //!
-//! with the prior probability `e` of being nowhere in a map of N places, and `m` the mean score of
-//! all places but the best: what this image scores at places that it does not show. The three
-//! weights minimise the log loss over held-out images, each of which counts as two cases: with its
+//! with the prior probability `e` of being nowhere in a map of N places, and `m` what the image would
+//! score at the best place if it did not show it: what that place scores in an image in which
+//! nothing of it is found, `n_l`, and the mean of `x_l - n_l` over all other places, which it does
+//! not show. (The scores of the others alone will not do: a place of few features loses less by
+//! missing them all, so that images of nowhere would all be taken for it.) The three weights minimise the log loss over held-out images, each of which counts as two cases: with its
 //! place in the map and without it, both with e = 1/2. In the first case the right answer is the
 //! place or one that looks alike because it is next to it; in the second, which leaves these out
 //! too, it is off the map. (Multinomial logistic regression; with `scale` alone it is temperature
@@ -42,21 +44,37 @@ pub struct PosteriorCalibration {
     pub scale: f64,
     /// Nats of evidence that being off the map starts with.
     pub bias: f64,
-    /// Nats of evidence for being off the map, a unit of what the other places score.
+    /// Nats of evidence for being off the map, a unit of what the image would score at a place that
+    /// it does not show.
     pub level: f64,
     /// How much of the evidence tells places that look alike apart.
     pub near: f64,
+}
+
+/// The score of one place, as evidence.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(in crate::localize) struct PlaceEvidence {
+    pub(in crate::localize) score: f64,
+    /// What it scores in an image in which nothing of it is found.
+    pub(in crate::localize) of_nothing: f64,
+}
+
+impl PlaceEvidence {
+    /// What the image adds to nothing.
+    fn gain(self) -> f64 {
+        self.score - self.of_nothing
+    }
 }
 
 /// The scores of one held-out image.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct HeldOutScores {
     /// Of its own place; `None` if it was not matched with it.
-    pub(super) own: Option<f64>,
+    pub(super) own: Option<PlaceEvidence>,
     /// Of the places next to it that look alike.
-    pub(super) alike: Vec<f64>,
+    pub(super) alike: Vec<PlaceEvidence>,
     /// Of the other places.
-    pub(super) others: Vec<f64>,
+    pub(super) others: Vec<PlaceEvidence>,
 }
 
 /// A held-out image with its place in the map, or without: what the weights are fitted to.
@@ -93,10 +111,10 @@ impl Case {
         cases.collect()
     }
 
-    fn new(scores: Vec<f64>, num_right: usize, weight: f64) -> Self {
+    fn new(scores: Vec<PlaceEvidence>, num_right: usize, weight: f64) -> Self {
         Self {
             level: level(&scores),
-            scores,
+            scores: scores.into_iter().map(|it| it.score).collect(),
             num_right,
             weight,
         }
@@ -120,13 +138,18 @@ impl Case {
     }
 }
 
-/// The mean score of all places but the best; 0 where there is at most one.
-fn level(scores: &[f64]) -> f64 {
+/// What the image would score at its best place if it did not show it; 0 where there is at most
+/// one place.
+fn level(scores: &[PlaceEvidence]) -> f64 {
+    let better = |a: PlaceEvidence, b: PlaceEvidence| if b.score > a.score { b } else { a };
+    let Some(best) = scores.iter().copied().reduce(better) else {
+        return 0.0;
+    };
     if scores.len() < 2 {
         return 0.0;
     }
-    let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    (scores.iter().sum::<f64>() - best) / (scores.len() - 1) as f64
+    let total: f64 = scores.iter().map(|it| it.gain()).sum();
+    best.of_nothing + (total - best.gain()) / (scores.len() - 1) as f64
 }
 
 impl PosteriorCalibration {
@@ -169,14 +192,14 @@ impl PosteriorCalibration {
     /// probability is `off_map`.
     pub(in crate::localize) fn posterior_into(
         self,
-        scores: &[f64],
+        scores: &[PlaceEvidence],
         off_map: f64,
         out: &mut Vec<f64>,
     ) -> f64 {
         let prior = ((1.0 - off_map) / scores.len().max(1) as f64).ln();
         let of_off_map = off_map.ln() + self.bias + self.level * level(scores);
         out.clear();
-        out.extend(scores.iter().map(|score| prior + self.scale * score));
+        out.extend(scores.iter().map(|it| prior + self.scale * it.score));
         let most = out.iter().copied().fold(of_off_map, f64::max);
         let mut total = (of_off_map - most).exp();
         for share in out.iter_mut() {
@@ -193,12 +216,12 @@ impl PosteriorCalibration {
     /// and `posterior`, are the best place and those around it.
     pub(in crate::localize) fn share_near(
         self,
-        scores: &[f64],
+        scores: &[PlaceEvidence],
         members: impl Iterator<Item = usize> + Clone,
         posterior: &mut [f64],
     ) {
         let total: f64 = members.clone().map(|at| posterior[at]).sum();
-        let log = |at: usize| self.near * self.scale * scores[at];
+        let log = |at: usize| self.near * self.scale * scores[at].score;
         let all = log_sum_exp(members.clone().map(log));
         for at in members {
             posterior[at] = total * (log(at) - all).exp();
@@ -266,19 +289,27 @@ impl PosteriorCalibration {
     }
 }
 
-/// A score as it enters the posterior: log odds beyond what any image can prove count as that.
-pub(in crate::localize) fn as_evidence(score: Score, value: f64) -> f64 {
+/// A score as it enters the posterior, and the log odds of an image in which nothing of the place
+/// is found: log odds beyond what any image can prove count as that.
+pub(in crate::localize) fn as_evidence(score: Score, value: f64, of_nothing: f64) -> PlaceEvidence {
+    let bounded = |value: f64| match value > LARGE_LOG_ODDS {
+        true => LARGE_LOG_ODDS + SLOPE_BEYOND * (value - LARGE_LOG_ODDS),
+        false => value.max(-LARGE_LOG_ODDS),
+    };
     match score {
-        Score::Count | Score::Inliers => value,
-        Score::Likelihood if value > LARGE_LOG_ODDS => {
-            LARGE_LOG_ODDS + SLOPE_BEYOND * (value - LARGE_LOG_ODDS)
-        }
-        Score::Likelihood => value.max(-LARGE_LOG_ODDS),
+        Score::Count | Score::Inliers => PlaceEvidence {
+            score: value,
+            of_nothing: 0.0,
+        },
+        Score::Likelihood => PlaceEvidence {
+            score: bounded(value),
+            of_nothing: bounded(of_nothing),
+        },
     }
 }
 
-/// What a score is usually worth: chosen so that maps of one visit of the development sets, each
-/// visit in turn, accept at most about 3 % of the images of another set (eval/METHODOLOGY.md).
+/// What a score is usually worth: chosen so that maps of one to six visits of the development sets
+/// accept at most about 3 % of the images of another set (eval/METHODOLOGY.md).
 pub(super) fn prior_calibration(score: Score) -> PosteriorCalibration {
     match score {
         Score::Count => PosteriorCalibration {
@@ -294,9 +325,9 @@ pub(super) fn prior_calibration(score: Score) -> PosteriorCalibration {
             near: NEAR,
         },
         Score::Likelihood => PosteriorCalibration {
-            scale: 1.5,
-            bias: 3.5,
-            level: 0.0,
+            scale: 1.0,
+            bias: 2.0,
+            level: 1.0,
             near: NEAR,
         },
     }
@@ -339,7 +370,7 @@ fn near(held_out: &[HeldOutScores], scale: f64, usual: f64) -> f64 {
         let drawn = 0.5 * ((log_near - usual.ln()) / NEAR_SPREAD.ln()).powi(2);
         (held_out.iter().filter(|it| !it.alike.is_empty())).fold(drawn, |loss, it| {
             let Some(own) = it.own else { return loss };
-            let log = |score: f64| near * scale * score;
+            let log = |it: PlaceEvidence| near * scale * it.score;
             let all = std::iter::once(own).chain(it.alike.iter().copied());
             loss + log_sum_exp(all.map(log)) - log(own)
         })
@@ -384,11 +415,18 @@ mod tests {
         near: NEAR,
     };
 
+    /// Of places that say nothing where nothing of them is found.
+    fn scored(scores: &[f64]) -> Vec<PlaceEvidence> {
+        let of_nothing = 0.0;
+        let with = |&score: &f64| PlaceEvidence { score, of_nothing };
+        scores.iter().map(with).collect()
+    }
+
     fn held_out(own: f64, others: &[f64]) -> HeldOutScores {
         HeldOutScores {
-            own: Some(own),
+            own: Some(scored(&[own])[0]),
             alike: Vec::new(),
-            others: others.to_vec(),
+            others: scored(others),
         }
     }
 
@@ -429,14 +467,13 @@ mod tests {
     fn neighbours_that_look_alike_are_right_answers_and_share_what_they_get() {
         // The place next door scores nearly as much as the own one, others nothing.
         let overlapping = |i: usize| HeldOutScores {
-            own: Some(10.0 + (i % 3) as f64),
-            alike: vec![11.0],
-            others: vec![0.0, 1.0, -1.0],
+            alike: scored(&[11.0]),
+            ..held_out(10.0 + (i % 3) as f64, &[0.0, 1.0, -1.0])
         };
         let images: Vec<HeldOutScores> = (0..60).map(overlapping).collect();
         let calibration = PosteriorCalibration::fit(&images, PRIOR);
         let mut posterior = Vec::new();
-        let scores = [11.0, 10.0, 0.0, 1.0];
+        let scores = scored(&[11.0, 10.0, 0.0, 1.0]);
         let off_map = calibration.posterior_into(&scores, 0.1, &mut posterior);
         let (both, first) = (posterior[0] + posterior[1], posterior[0]);
         assert!(
@@ -453,8 +490,8 @@ mod tests {
         let others = vec![6.0, 0.0, -1.0, 0.0];
         let image = HeldOutScores {
             own: None,
-            alike: vec![40.0],
-            others,
+            alike: scored(&[40.0]),
+            others: scored(&others),
         };
         let calibration = PosteriorCalibration::fit(&vec![image; 40], PRIOR);
         assert!(calibration.scale > 0.5 * PRIOR.scale, "{calibration:?}");
@@ -482,10 +519,27 @@ mod tests {
         let calibration = PosteriorCalibration::fit(&dark, PRIOR);
         assert!(calibration.level > 0.2, "{calibration:?}");
         let mut posterior = Vec::new();
-        calibration.posterior_into(&[-12.0, -20.0, -21.0], 0.5, &mut posterior);
+        calibration.posterior_into(&scored(&[-12.0, -20.0, -21.0]), 0.5, &mut posterior);
         assert!(posterior[0] > 0.8, "{calibration:?} {posterior:?}");
-        let off_map = calibration.posterior_into(&[-19.0, -20.0, -21.0], 0.5, &mut posterior);
+        let off_map =
+            calibration.posterior_into(&scored(&[-19.0, -20.0, -21.0]), 0.5, &mut posterior);
         assert!(off_map > 0.8, "{calibration:?} {off_map}");
+    }
+
+    #[test]
+    fn an_image_of_nowhere_is_not_taken_for_the_place_that_has_least_to_miss() {
+        let calibration = PosteriorCalibration {
+            level: 1.0,
+            ..PRIOR
+        };
+        let place = |score: f64, of_nothing: f64| PlaceEvidence { score, of_nothing };
+        let mut posterior = Vec::new();
+        let scores = [place(-9.0, -11.0), place(-27.0, -29.0), place(-27.5, -29.0)];
+        let off_map = calibration.posterior_into(&scores, 0.1, &mut posterior);
+        assert!(off_map > posterior[0], "{off_map} {posterior:?}");
+        let scores = [place(9.0, -11.0), scores[1], scores[2]];
+        let off_map = calibration.posterior_into(&scores, 0.1, &mut posterior);
+        assert!(off_map < 0.01 && posterior[0] > 0.99, "{off_map}");
     }
 
     #[test]
@@ -494,9 +548,9 @@ mod tests {
             (0..50).map(|_| held_out(8.0, &[0.0, 1.0, -1.0])).collect();
         let good = PosteriorCalibration::fit(&distinct, PRIOR);
         let mut posterior = Vec::new();
-        let off_map = good.posterior_into(&[8.0, 0.0, 1.0], 0.5, &mut posterior);
+        let off_map = good.posterior_into(&scored(&[8.0, 0.0, 1.0]), 0.5, &mut posterior);
         assert!(posterior[0] > 0.9 && off_map < 0.1, "{good:?}");
-        let off_map = good.posterior_into(&[1.0, 0.0, -1.0], 0.5, &mut posterior);
+        let off_map = good.posterior_into(&scored(&[1.0, 0.0, -1.0]), 0.5, &mut posterior);
         assert!(off_map > 0.9, "{good:?}");
         let blind: Vec<HeldOutScores> = (0..200)
             .map(|i| {
@@ -513,7 +567,7 @@ mod tests {
     fn shares_add_up_to_one_even_for_extreme_scores() {
         let mut posterior = Vec::new();
         for scores in [&[1e6, -1e6][..], &[-1e6, -1e6], &[]] {
-            let off_map = PRIOR.posterior_into(scores, 0.1, &mut posterior);
+            let off_map = PRIOR.posterior_into(&scored(scores), 0.1, &mut posterior);
             let total: f64 = posterior.iter().sum::<f64>() + off_map;
             assert!((total - 1.0).abs() < 1e-12);
         }

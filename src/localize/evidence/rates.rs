@@ -11,6 +11,8 @@
 //!   others: at each place in images of others, and how much more often in its own;
 //! - how much a matching distance tells: g1 (seen again) against g0 (found at wrong places);
 //! - how much a displacement tells: the camera's spread between visits against anywhere;
+//! - how much of what was learnt of the map alone is believed: by the visits of its places, and not
+//!   by how many images there are, since those of one run share their weather;
 //! - what a score is worth as evidence ([`PosteriorCalibration`]), for each score and several n.
 
 use std::sync::Arc;
@@ -38,7 +40,7 @@ pub(super) const MAX_OUTLIER_RATE: f64 = 0.9;
 /// The share of visits whose displacement may be anything.
 const UNIFORM_SHARE: f64 = 0.1;
 /// Numbers of features at which the worth of scores is learnt.
-pub(super) const SIZES: [usize; 7] = [10, 20, 30, 50, 100, 200, 300];
+pub(super) const SIZES: [usize; 8] = [10, 20, 30, 50, 100, 200, 300, 600];
 
 /// What a [`Localizer`](crate::localize::Localizer) knows about its own evidence.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -73,6 +75,8 @@ pub struct Calibration {
     #[serde(rename = "tempers")]
     pub(super) posteriors: [[PosteriorCalibration; SIZES.len()]; Score::ALL.len()],
     pub(super) num_images: usize,
+    /// How much of what was learnt of this map alone is believed, 0 to 1.
+    pub(super) trust: f64,
     /// Which places may share an answer.
     pub(in crate::localize) neighbours: Neighbours,
 }
@@ -127,6 +131,13 @@ impl OutlierRatios {
             outlier: (here / others).ln(),
         }
     }
+
+    fn weighted(self, weight: f64) -> Self {
+        Self {
+            missing: weight * self.missing,
+            outlier: weight * self.outlier,
+        }
+    }
 }
 
 impl Calibration {
@@ -148,6 +159,7 @@ impl Calibration {
             uses_references: true,
             posteriors: Score::ALL.map(|score| [prior_calibration(score); SIZES.len()]),
             num_images: 0,
+            trust: 0.0,
             neighbours: Neighbours::default(),
         }
     }
@@ -174,12 +186,24 @@ impl Calibration {
         self.spread * self.levels.get(node.0 as usize).copied().unwrap_or(0.0)
     }
 
+    /// What part of the log odds of an image in which nothing of a place is found is left out.
+    ///
+    /// Which places have more features to miss than others is known only as well as how often they
+    /// are seen again; with few visits it would outweigh what was found. (In a map of one run the
+    /// levels of its places, which are believed in full there, say the same.)
+    pub(super) fn discount(&self) -> f64 {
+        let is_one_run = self.spread >= 1.0;
+        (1.0 - self.trust).powi(2) * f64::from(u8::from(!is_one_run))
+    }
+
     /// What outlier matches say at a place.
     pub(super) fn outlier_ratios(&self, node: NodeId) -> OutlierRatios {
         let others = self.outlier_rates.get(node.0 as usize);
         others.map_or_else(OutlierRatios::default, |&others| {
             let here = (others * self.outlier_ratio).min(MAX_OUTLIER_RATE);
-            OutlierRatios::new(here, others)
+            // Of few visits hundreds of features are predicted, and a small error of the ratio
+            // would be raised to that power: it is believed a little later than the rest.
+            OutlierRatios::new(here, others).weighted(self.trust * self.trust)
         })
     }
 
@@ -198,9 +222,9 @@ impl Calibration {
         self.num_images
     }
 
-    /// ln(g1 / g0) at a distance.
+    /// ln(g1 / g0) at a distance, as far as it is believed.
     pub fn distance_log_ratio(&self, distance_bits: u16) -> f64 {
-        self.distance_log_ratios[usize::from(distance_bits).min(256)]
+        self.trust * self.distance_log_ratios[usize::from(distance_bits).min(256)]
     }
 
     /// The worth of a score at `n` features, between learnt sizes by ln n.
@@ -222,7 +246,8 @@ impl Calibration {
         }
     }
 
-    /// The log ratio of the camera being displaced so far at the place, against anywhere.
+    /// The log ratio of the camera being displaced so far at the place, against anywhere, as far as it
+    /// is believed.
     pub(super) fn displacement_log_ratio(&self, displacement: Displacement) -> f64 {
         let Some(prior) = self.displacement else {
             return 0.0;
@@ -230,7 +255,7 @@ impl Calibration {
         let (sx, sy) = prior.spread_px;
         let square = (displacement.dx_px / sx).powi(2) + (displacement.dy_px / sy).powi(2);
         let density = (-0.5 * square).exp() / (std::f64::consts::TAU * sx * sy);
-        ((1.0 - UNIFORM_SHARE) * density * prior.area_px2 + UNIFORM_SHARE).ln()
+        self.trust * ((1.0 - UNIFORM_SHARE) * density * prior.area_px2 + UNIFORM_SHARE).ln()
     }
 
     /// What is known, for a newer snapshot of the map; `is_same` says which of its places have not
@@ -267,7 +292,7 @@ impl Calibration {
     /// The probability that a feature of this score is matched at this place.
     pub(super) fn detection_at(&self, node: NodeId, score: f64) -> f64 {
         let of_place = self.repeatability.get(node.0 as usize).copied();
-        (self.detection.rate(score) * of_place.unwrap_or(1.0)).min(1.0)
+        (self.detection.rate(score) * of_place.unwrap_or(1.0).powf(self.trust)).min(1.0)
     }
 
     /// `q_f`, without the trials `but`.
@@ -303,6 +328,7 @@ impl Calibration {
                 .all(|(score, rate)| score.is_finite() && is_rate(rate))
             && is_rate(&self.false_rate)
             && is_rate(&self.spread)
+            && is_rate(&self.trust)
             && self
                 .conditions
                 .iter()

@@ -49,10 +49,10 @@ fn sources() -> impl Iterator<Item = (String, String)> {
         "src",
         "crates/cli/src",
         "crates/explore/src",
-        "crates/explore/src",
         "crates/fremen/src",
         "crates/grid/src",
         "crates/store/src",
+        "crates/terminal/src",
         "eval/src",
     ];
     (folders.into_iter().flat_map(library_files))

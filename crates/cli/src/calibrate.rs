@@ -7,11 +7,10 @@ use anyhow::Result;
 use clap::Args;
 
 use super::config::Config;
-use super::outcome::Outcome;
-use super::output::Output;
 use chronotope::error::{Error, ErrorKind};
 use chronotope::localize::{ATTACHMENT, Localizer};
 use chronotope::map::{Map, Snapshot};
+use chronotope_terminal::{Outcome, Output};
 
 /// Keep with a map what its past visits say about matches, so that `localize` starts at once.
 ///

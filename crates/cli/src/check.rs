@@ -5,8 +5,6 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::Args;
 
-use super::outcome::Outcome;
-use super::output::Output;
 use super::progress::Progress;
 use super::reading::ReadingArgs;
 use chronotope::dataset::{CheckOptions, Dataset, Manifest};
@@ -14,6 +12,7 @@ use chronotope::feature::{ExtractorConfig, StarBriefConfig};
 use chronotope::learn::LearnConfig;
 use chronotope::localize::Preset;
 use chronotope::time::Time;
+use chronotope_terminal::{Outcome, Output};
 
 /// Decode every image of a dataset, count, and list what is wrong.
 ///

@@ -10,12 +10,11 @@ use std::path::Path;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::outcome::Outcome;
-use super::output::Output;
 use chronotope::error::{Error, ErrorKind, Result};
 use chronotope::learn::LearnConfig;
 use chronotope::localize::{LocalizerConfig, MotionConfig, Preset};
 use chronotope::map::MapMeta;
+use chronotope_terminal::{Outcome, Output};
 
 /// Bytes of a configuration, at most.
 const MAX_BYTES: u64 = 1 << 20;

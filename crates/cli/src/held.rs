@@ -9,11 +9,10 @@ use serde_json::json;
 
 use super::arguments::ShownMap;
 use super::config::Config;
-use super::outcome::Outcome;
-use super::output::Output;
 use chronotope::error::printable;
 use chronotope::learn::{Learner, forget_session};
 use chronotope::map::{Map, Quarantine, SessionId, Snapshot, VisitId};
+use chronotope_terminal::{Outcome, Output};
 
 /// List the visits that a map holds without having learnt them, each with the reason.
 ///

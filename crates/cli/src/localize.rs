@@ -9,10 +9,7 @@ use serde_json::json;
 
 use super::arguments::{ConfigArgs, named};
 use super::config::{Config, preset_of};
-use super::interrupt;
 use super::live::{self, Frames};
-use super::outcome::Outcome;
-use super::output::Output;
 use super::pictures::{Picture, Pictures};
 use super::reading::{Adjust, ReadingArgs};
 use super::warnings::{print_held, print_num_held, warn_of_time};
@@ -29,6 +26,7 @@ use chronotope::predict::Selection;
 use chronotope::robot::{Event, Frame, Robot, RobotConfig};
 use chronotope::time::Time;
 use chronotope::trace::{Shot, Stage, TraceConfig, Tracer};
+use chronotope_terminal::{Outcome, Output, interrupt};
 
 /// All places of a map that learns on take at most so many bytes together, unless `[learn.budget]`
 /// says otherwise.

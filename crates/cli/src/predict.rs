@@ -8,14 +8,13 @@ use serde_json::json;
 
 use super::arguments::ConfigArgs;
 use super::config::{Config, preset_of};
-use super::outcome::Outcome;
-use super::output::Output;
 use super::warnings::warn_of_time;
 use chronotope::error::{Error, ErrorKind};
 use chronotope::localize::{Localizer, Method, Preset};
 use chronotope::map::{Map, NodeId, PlaceKey, Snapshot};
 use chronotope::predict::{PredictedMap, Selection};
 use chronotope::time::Time;
+use chronotope_terminal::{Outcome, Output};
 
 /// Show which features of each place are most likely visible at a time.
 #[derive(Debug, Args)]

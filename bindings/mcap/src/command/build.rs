@@ -11,14 +11,12 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::arguments::{ImageArgs, PlaceArgs};
-use super::interrupt;
-use super::outcome::Outcome;
-use super::output::Output;
 use chronotope::learn::LearnConfig;
 use chronotope::localize::Preset;
 use chronotope::map::{Map, Snapshot};
 use chronotope::training::{Step, Training, TrainingConfig};
 use chronotope_bags::{Bag, Recording};
+use chronotope_terminal::{Outcome, Output, interrupt};
 
 /// Learn a map from the images of a bag.
 ///

@@ -8,8 +8,6 @@ use clap::Args;
 use serde_json::json;
 
 use super::arguments::ImageArgs;
-use super::outcome::Outcome;
-use super::output::Output;
 use chronotope::dataset::{CheckOptions, CheckReport};
 use chronotope::error::ErrorKind;
 use chronotope::feature::{ExtractorConfig, StarBriefConfig};
@@ -18,6 +16,7 @@ use chronotope::localize::Preset;
 use chronotope::map::PlaceKey;
 use chronotope::time::Time;
 use chronotope_bags::{Bag, Contents, Places, Recording};
+use chronotope_terminal::{Outcome, Output};
 
 /// List a bag's topics, decode its images, and list what is wrong.
 ///

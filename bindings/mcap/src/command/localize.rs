@@ -9,9 +9,6 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 
 use super::arguments::ImageArgs;
-use super::interrupt;
-use super::outcome::Outcome;
-use super::output::Output;
 use chronotope::dataset::{Entry, scale_between};
 use chronotope::error::{Error, ErrorKind, printable};
 use chronotope::feature::{GrayImage, LoadOptions};
@@ -22,6 +19,7 @@ use chronotope::predict::Selection;
 use chronotope::robot::{Event, Frame, Robot, RobotConfig};
 use chronotope::time::Time;
 use chronotope_bags::{Answer, AnswerFile, Bag, Places, Recording};
+use chronotope_terminal::{Outcome, Output, interrupt};
 
 /// All places of a map that learns on take at most so many bytes together; that of `chronotope
 /// localize --learn`.

@@ -7,9 +7,9 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 
-use super::arguments::ShownMap;
 use chronotope::map::{Generation, Map, SessionId, Snapshot};
 use chronotope::time::{Period, Time};
+use chronotope_terminal::arguments::ShownMap;
 use chronotope_terminal::output::{contents, hex};
 use chronotope_terminal::{Outcome, Output};
 

@@ -4,9 +4,9 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 
-use super::arguments::ShownMap;
 use chronotope::map::{AppearanceUse, Map, Node};
 use chronotope::time::Time;
+use chronotope_terminal::arguments::ShownMap;
 use chronotope_terminal::output::hex;
 use chronotope_terminal::{Outcome, Output};
 

@@ -8,11 +8,9 @@
 #[macro_use]
 extern crate chronotope_terminal;
 
-mod arguments;
 mod build;
 mod calibrate;
 mod check;
-mod config;
 mod edge;
 mod exchange;
 mod explore;
@@ -30,7 +28,6 @@ mod pictures;
 mod place;
 mod predict;
 mod progress;
-mod reading;
 mod spectrum;
 mod spectrum_svg;
 mod unpacked;

@@ -19,10 +19,13 @@
 //!
 //! Not for the library: it does not print.
 
+pub mod arguments;
 pub mod command;
+pub mod config;
 pub mod interrupt;
 pub mod outcome;
 pub mod output;
+pub mod reading;
 pub mod yaml;
 
 #[doc(hidden)]

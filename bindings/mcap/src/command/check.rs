@@ -57,7 +57,11 @@ pub(crate) fn run(args: &CheckArgs, out: &mut Output) -> Result<Outcome> {
         now: Some(Time::now()),
         features: Some((extractor, guard.min_features())),
     };
-    let report = recording.map(|it| it.dataset.check_with(&options, |_, _| {}));
+    let adjustment = args.images.reading.load_options();
+    let report = recording.map(|it| {
+        let dataset = it.dataset.adjusted(&adjustment);
+        dataset.check_with(&options, |_, _| {})
+    });
     let is_clean =
         report.as_ref().is_some_and(CheckReport::is_clean) && contents.problems.is_empty();
     if args.json {

@@ -46,6 +46,7 @@ fn sources() -> impl Iterator<Item = (String, String)> {
         "bindings/c/src",
         "bindings/mcap/src",
         "bindings/python/src",
+        "bindings/ros2/src",
         "src",
         "crates/cli/src",
         "crates/explore/src",

@@ -20,6 +20,10 @@ use futures::channel::mpsc::UnboundedSender;
 use crate::engine::{Command, Mailbox, Reply, Report, answer};
 use crate::parameters::MapSource;
 
+/// An answer that takes several packets does not find who asked: the middleware leaves out of them
+/// what it answers.
+const MAX_ANSWER_BYTES: usize = 900;
+
 /// What the thread is asked for.
 pub(crate) enum Task {
     /// Open this, and have the robot go on with it.
@@ -169,16 +173,22 @@ fn in_words(done: Result<String>) -> std::result::Result<String, String> {
     done.map_err(|error| error.to_string())
 }
 
-/// One visit a line.
+/// One visit a line, the newest first; as many as an answer has room for.
 fn held(map: &Path) -> Result<String> {
     let held = Quarantine::of(&Map::open_read_only(map)?.snapshot())?;
-    let lines = held.visits().iter().map(|it| {
-        format!(
-            "{} {} {} {}: {}",
-            it.id, it.time, it.place, it.source, it.reason
-        )
-    });
-    Ok(lines.collect::<Vec<_>>().join("\n"))
+    let mut text = String::new();
+    for (number, it) in held.visits().iter().rev().enumerate() {
+        let (id, reason) = (it.id.to_string(), &it.reason);
+        let id = id.get(..8).unwrap_or(&id);
+        let line = format!("{id} {} {} {}: {reason}\n", it.time, it.place, it.source);
+        if text.len() + line.len() > MAX_ANSWER_BYTES {
+            let num_more = held.visits().len() - number;
+            text += &format!("and {num_more} more: `chronotope map held` lists all");
+            break;
+        }
+        text += &line;
+    }
+    Ok(text.trim_end().to_owned())
 }
 
 fn accept(source: &MapSource, ids: &[String]) -> Result<String> {

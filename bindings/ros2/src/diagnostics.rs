@@ -253,19 +253,21 @@ impl Health {
         if let Some(failure) = &state.failure {
             return (ERROR, format!("nothing is written: {failure}"));
         }
-        if self.map.num_held > 0 {
-            let message = format!(
-                "{} visits are quarantined (~/list_visits, ~/accept_visits, ~/drop_visits)",
-                self.map.num_held
-            );
-            return (WARN, message);
-        }
-        let message = match (state.is_on, settings.source.learns) {
+        let mode = match (state.is_on, settings.source.learns) {
             (true, _) => "on",
             (false, true) => "paused",
             (false, false) => "off",
         };
-        (OK, message.into())
+        match self.map.num_held {
+            0 => (OK, mode.into()),
+            num_held => (
+                WARN,
+                format!(
+                    "{mode}; {num_held} visits are quarantined (~/list_visits, ~/accept_visits, \
+                     ~/drop_visits)"
+                ),
+            ),
+        }
     }
 
     fn learning_values(&self) -> Vec<(&'static str, String)> {

@@ -10,6 +10,7 @@ this run's own. The environment names the commands and a folder that the example
 from __future__ import annotations
 
 import array
+import copy
 import csv
 import ctypes
 import datetime
@@ -251,18 +252,18 @@ class NodeTest(unittest.TestCase):
         heard = self.robot.heard.get("/diagnostics") or self.robot.listen(
             "/diagnostics", DiagnosticArray, 10
         )
-        level, text = wanted["level"], wanted.get("text", "")
+        level, text = wanted.get("level"), wanted.get("text", "")
 
         def found():
             for status in heard[-1].status if heard else []:
                 if status.name.endswith(f": {what}") and text in status.message:
-                    if status.level == bytes([level]):
+                    if level is None or status.level == bytes([level]):
                         return status.message
             return None
 
         message = self.robot.wait(found, patience_s, each)
         last = [(it.name, it.level, it.message) for it in heard[-1].status] if heard else None
-        self.assertIsNotNone(message, f"{what}: {wanted}: {last}: {self.node.lines}")
+        self.assertIsNotNone(message, f"{what}: {wanted}: {last}: {self.node.lines[-20:]}")
         return message
 
     def test_a_late_joiner_is_told_where_the_robot_is(self) -> None:
@@ -279,7 +280,7 @@ class NodeTest(unittest.TestCase):
             located = self.robot.wait(is_located, 5.0, self.camera(picture=picture))
             if located:
                 break
-        self.assertIsNotNone(located, self.node.lines)
+        self.assertIsNotNone(located, self.node.lines[-20:])
         self.assertEqual(located["place"], picture.place)
         self.assertEqual(located["map_generation"], 1)
         # Joins now: nothing is published any more but the last values.
@@ -296,7 +297,7 @@ class NodeTest(unittest.TestCase):
             }
             found = late.wait(lambda: all(heard.values()), 1.9)
             took = time.monotonic() - begun
-            self.assertTrue(found, self.node.lines)
+            self.assertTrue(found, self.node.lines[-20:])
             names = [heard[topic][-1].data for topic in ("/current_node", "/closest_node")]
             self.assertEqual(names, [picture.place] * 2)
             self.assertTrue(0 <= heard["/closest_node_distance"][-1].data < 5)
@@ -351,7 +352,7 @@ class NodeTest(unittest.TestCase):
         expected = datetime.datetime.fromtimestamp(picture.s, datetime.timezone.utc)
         wanted = expected.strftime("%Y-%m-%dT%H:%M:%S")
         found = self.robot.wait(lambda: answers and wanted in answers[-1].data, each=play)
-        self.assertTrue(found, (answers[-1:], self.node.lines))
+        self.assertTrue(found, (answers[-1:], self.node.lines[-20:]))
         self.diagnosis("clock", level=0, each=play)
         self.diagnosis("camera", level=1, text="late", each=lambda: play(60))
 
@@ -361,12 +362,15 @@ class NodeTest(unittest.TestCase):
         names = self.robot.call(ListParameters, f"{NODE}/list_parameters").result.names
         self.assertIn("map", names)
         self.assertIn("use_sim_time", names)
-        request = DescribeParameters.Request(names=names)
-        described = self.robot.call(DescribeParameters, f"{NODE}/describe_parameters", request)
-        self.assertEqual([it.name for it in described.descriptors], names)
-        for it in described.descriptors:
+        descriptors = []
+        for name in names:
+            request = DescribeParameters.Request(names=[name])
+            reply = self.robot.call(DescribeParameters, f"{NODE}/describe_parameters", request)
+            descriptors += reply.descriptors
+        self.assertEqual([it.name for it in descriptors], names)
+        for it in descriptors:
             self.assertGreater(len(it.description), 20, it.name)
-        risk = next(it for it in described.descriptors if it.name == "risk")
+        risk = next(it for it in descriptors if it.name == "risk")
         self.assertEqual(risk.floating_point_range[0].to_value, 1.0)
         self.assertEqual(self.robot.set("rotate", 90), (True, ""))
         self.assertEqual(self.robot.set("debug_rate_hz", 2.5), (True, ""))
@@ -393,7 +397,7 @@ class NodeTest(unittest.TestCase):
         answers = self.robot.listen(f"{NODE}/localization", String, 100)
         send = self.camera()
         generation = lambda: json.loads(answers[-1].data)["map_generation"] if answers else 0
-        self.assertTrue(self.robot.wait(lambda: generation() == 1, each=send), self.node.lines)
+        self.assertTrue(self.robot.wait(lambda: generation() == 1, each=send), self.node.lines[-20:])
         # Somebody else commits: a place is given another name.
         run(CHRONOTOPE, "map", "place", self.map, "rename", self.places[0], "porch")
         self.diagnosis("map", level=1, text="outdated", each=send)
@@ -406,7 +410,7 @@ class NodeTest(unittest.TestCase):
 
         reply = self.robot.call(Trigger, f"{NODE}/reload_map", each=count)
         self.assertTrue(reply.success, reply.message)
-        self.assertTrue(self.robot.wait(lambda: generation() == 2, each=count), self.node.lines)
+        self.assertTrue(self.robot.wait(lambda: generation() == 2, each=count), self.node.lines[-20:])
         self.robot.wait(lambda: len(answers) >= num_sent[0], 2.0)
         # No image was missed meanwhile.
         self.assertGreaterEqual(len(answers), num_sent[0] - 1)
@@ -421,7 +425,7 @@ class NodeTest(unittest.TestCase):
         self.assertEqual(self.robot.set("map", str(self.map)), (True, ""))
         self.assertEqual(self.robot.set("watch_map_s", 0.2), (True, ""))
         run(CHRONOTOPE, "map", "place", self.map, "rename", "porch", self.places[0])
-        self.assertTrue(self.robot.wait(lambda: generation() == 3, each=send), self.node.lines)
+        self.assertTrue(self.robot.wait(lambda: generation() == 3, each=send), self.node.lines[-20:])
 
     def num_visits(self) -> int:
         shown = json.loads(run(CHRONOTOPE, "map", "inspect", self.map, "--json").stdout)
@@ -444,19 +448,24 @@ class NodeTest(unittest.TestCase):
                 clock.publish(message)
                 images.publish(image(picture.gray, seconds * 10**9))
 
-            self.assertTrue(self.robot.wait(lambda: answers, each=play), self.node.lines)
+            self.assertTrue(self.robot.wait(lambda: answers, each=play), self.node.lines[-20:])
         reply = self.robot.call(Trigger, f"{NODE}/commit")
         self.assertTrue(reply.success, reply.message)
+        heard = self.robot.listen("/diagnostics", DiagnosticArray, 10)
+        self.assertTrue(self.robot.wait(lambda: len(heard) >= 2))
+        (status,) = [it for it in heard[-1].status if it.name.endswith(": learning")]
+        acknowledged = int({it.key: it.value for it in status.values}["learnt"])
         self.assertEqual(self.node.stop(signal.SIGKILL), -signal.SIGKILL)
         learnt = self.num_visits() - before
-        self.assertGreater(learnt, 10)
+        self.assertGreater(learnt, 3)
+        self.assertEqual(learnt, acknowledged)
         run(CHRONOTOPE, "map", "verify", self.map)
         # It starts again at once on what it was killed over, and learning can be paused.
         self.start("learn:=true")
         request = SetBool.Request(data=True)
         reply = self.robot.call(SetBool, f"{NODE}/pause_learning", request)
         self.assertTrue(reply.success and "paused" in reply.message, reply.message)
-        self.diagnosis("learning", level=0, text="paused")
+        self.diagnosis("learning", text="paused")
         values = self.robot.call(
             GetParameters, f"{NODE}/get_parameters", GetParameters.Request(names=["learning"])
         ).values
@@ -464,13 +473,15 @@ class NodeTest(unittest.TestCase):
         self.assertEqual(self.node.stop(), 130)
         self.assertEqual(self.num_visits() - before, learnt)
 
-    def test_quarantined_visits_are_listed_and_dropped(self) -> None:
-        # A stamp that contradicts the robot's clock is not believed.
+    def test_quarantined_visits_are_listed(self) -> None:
+        # A stamp that is ahead of the robot's clock is not believed.
         self.start("learn:=true")
-        send = self.camera(picture=self.pictures[3])
+        shown = copy.copy(self.pictures[3])
+        shown.s = int(time.time()) + 30 * 86_400
+        send = self.camera(picture=shown)
         self.diagnosis("learning", level=1, text="quarantined", each=send)
         reply = self.robot.call(Trigger, f"{NODE}/list_visits")
-        self.assertTrue(reply.success and self.pictures[3].place in reply.message, reply)
+        self.assertTrue(reply.success and shown.place in reply.message, reply)
 
     def test_images_come_ten_times_a_second_without_a_backlog(self) -> None:
         data = self.folder / "large"
@@ -506,7 +517,7 @@ class NodeTest(unittest.TestCase):
             sent[now] = time.monotonic()
             publisher.publish(message)
 
-        self.assertTrue(self.robot.wait(lambda: answers, each=send), self.node.lines)
+        self.assertTrue(self.robot.wait(lambda: answers, each=send), self.node.lines[-20:])
         sent.clear()
         answers.clear()
         begun, number = time.monotonic(), 0

@@ -49,7 +49,10 @@ fn log_to_stderr(verbosity: u8) {
     };
     // Only a second subscriber in this process could make it fail.
     let _ = tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::new(level))
+        // The middleware of a node warns of whoever has left.
+        .with_env_filter(tracing_subscriber::EnvFilter::new(format!(
+            "{level},rustdds=error"
+        )))
         .with_ansi(std::io::stderr().is_terminal())
         .with_writer(std::io::stderr)
         .without_time()

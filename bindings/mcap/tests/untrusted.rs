@@ -39,7 +39,10 @@ pub(crate) fn bag(bytes: &[u8]) {
         return;
     };
     let folder = folder();
-    let (kind, places) = (usize::from(first) % NAMES.len(), usize::from(first) / NAMES.len());
+    let (kind, places) = (
+        usize::from(first) % NAMES.len(),
+        usize::from(first) / NAMES.len(),
+    );
     std::fs::write(folder.path().join(NAMES[kind]), bytes).expect("written");
     let path = match NAMES[kind] {
         "metadata.yaml" => folder.path().to_owned(),

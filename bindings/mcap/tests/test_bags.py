@@ -146,6 +146,12 @@ def digest(map_file: Path) -> str:
     return total.hexdigest()
 
 
+def places_of(map_file: Path) -> list:
+    """Names, visits and features: the digest also says how the images were changed."""
+    shown = json.loads(run(CHRONOTOPE, "map", "inspect", map_file, "--json").stdout)
+    return [(it["key"], it["num_visits"], it["num_features"]) for it in shown["places"]]
+
+
 class Bags(unittest.TestCase):
     @classmethod
     def setUpClass(cls) -> None:
@@ -227,7 +233,7 @@ class Bags(unittest.TestCase):
         out = self.new_folder() / "bag.map"
         given = [bag, "--places", f"csv:{self.places}", "--rotate", 180]
         bags("build", *given, "--out", out)
-        self.assertEqual(digest(out), self.expected)
+        self.assertEqual(places_of(out), places_of(self.map))
         lines = bags("localize", self.map, bag, "--rotate", 180, "--json", codes=(0, 1)).stdout
         straight = bags("localize", self.map, self.bag, "--json", codes=(0, 1)).stdout
         places = [[json.loads(it)["place"] for it in text.splitlines()] for text in (lines, straight)]
@@ -270,8 +276,8 @@ class Bags(unittest.TestCase):
         run(CHRONOTOPE, "map", "build", "--data", data, "--out", folder / "folder.map")
         given = [self.bag, "--places", f"csv:{self.places}", "--mask", file]
         bags("build", *given, "--out", folder / "bag.map")
-        self.assertEqual(digest(folder / "bag.map"), digest(folder / "folder.map"))
-        self.assertNotEqual(digest(folder / "bag.map"), self.expected)
+        self.assertEqual(places_of(folder / "bag.map"), places_of(folder / "folder.map"))
+        self.assertNotEqual(places_of(folder / "bag.map"), places_of(self.map))
         done = bags("localize", folder / "bag.map", self.bag, "--mask", file, codes=(0, 1))
         self.assertEqual(len(done.stdout.splitlines()), len(self.pictures))
         mask = np.full((height // 2, width), 255, np.uint8)

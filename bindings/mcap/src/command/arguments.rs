@@ -55,7 +55,7 @@ pub(crate) struct PlaceArgs {
     /// `PoseWithCovarianceStamped`, `NavSatFix`), `tf:FIXED,CHILD` (transforms), `csv:FILE` (columns
     /// begin, end, place), `topic:TOPIC` (`std_msgs/msg/String`; each holds until the next).
     #[arg(long, value_name = "FROM")]
-    places: PlacesFrom,
+    places: Option<PlacesFrom>,
     /// Poses this near to where a place was founded belong to it, in metres.
     #[arg(long = "radius", value_name = "METRES", default_value_t = 2.0)]
     radius_m: f64,
@@ -74,7 +74,11 @@ struct Degrees(Origin);
 impl PlaceArgs {
     pub(crate) fn options(&self, images: &ImageArgs) -> Result<BagOptions> {
         let vicinity = Vicinity::new(self.radius_m, self.heading_deg)?;
-        let options = images.options(self.places.0.clone());
+        let places = self.places.as_ref().ok_or_else(|| {
+            Error::new(ErrorKind::Config, "--places is missing")
+                .with_help("say where places come from, such as --places poses:/odom")
+        })?;
+        let options = images.options(places.0.clone());
         Ok(options
             .with_vicinity(vicinity)
             .with_origin(self.origin.map(|it| it.0)))

@@ -14,7 +14,7 @@ test: ## Everything CI runs; CHRONOTOPE_DATA=DIR adds the tests on real data
 python: ## Build and test the Python package in a throw-away environment (a part of `make test`)
 	@bash scripts/python.sh
 
-robots: ## Build and test bags in and out and the C interface (a part of `make test`)
+robots: ## Build and test bags in and out, the ROS 2 node and the C interface (a part of `make test`)
 	@bash scripts/robots.sh
 
 parity: ## With DATA=DIR: our STAR and BRIEF against OpenCV's on every image of a folder

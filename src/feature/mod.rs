@@ -34,6 +34,7 @@ mod whole;
 pub use exif::{ExifStamp, ExifStamps, exif_stamps};
 pub use extractor::Extractor;
 pub use extractor_config::{CornerBriefConfig, ExtractorConfig};
+pub(crate) use gray::shown_by_both;
 pub use gray::{GrayImage, GrayView, Rect};
 #[cfg(feature = "dataset")]
 pub use image_file::{

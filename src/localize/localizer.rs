@@ -11,10 +11,10 @@ use super::evidence::{
 };
 use super::forecast::{Forecast, ForecastSource, Forecasts};
 use super::localization::{Decision, Localization};
+use super::place_scores::PlaceScores;
 use super::plan::{Plan, PlannedMap};
 use super::query::Query;
 use super::scratch::Scratch;
-use super::sweep::PlaceScores;
 use super::verify::Verified;
 use crate::feature::FeaturesView;
 use crate::map::{NodeId, Snapshot};

@@ -5,9 +5,9 @@
 //! serves all. Appearances do not depend on the method, so what they say of a query is kept for the
 //! next localizer. A test holds the scores equal to those of [`Localizer::localize`] for each n.
 
-use super::config::Score;
 use super::evidence::LogMean;
 use super::localizer::Localizer;
+use super::place_scores::PlaceScores;
 use super::plan::Plan;
 use super::query::Query;
 use super::scratch::Scratch;
@@ -18,30 +18,6 @@ use crate::predict::{ReferenceVisits, Selection};
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
 use fremen::visibility::VisibilityModel;
-
-/// What speaks for one place at one n.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct PlaceScores {
-    /// The number of matches.
-    pub count: u32,
-    /// Matches that agree on one displacement.
-    pub inliers: u32,
-    /// Log odds of being at the place against another one; 0 without calibration.
-    pub log_odds: f64,
-    /// What they are in an image in which nothing of the place is found; 0 without calibration.
-    pub log_odds_of_nothing: f64,
-}
-
-impl PlaceScores {
-    /// The number that `score` ranks by.
-    pub fn by(self, score: Score) -> f64 {
-        match score {
-            Score::Count => f64::from(self.count),
-            Score::Inliers => f64::from(self.inliers),
-            Score::Likelihood => self.log_odds,
-        }
-    }
-}
 
 /// The answers to one query for several n, and what localizers of the same snapshot and matching
 /// rules can share about it.

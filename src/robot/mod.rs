@@ -52,9 +52,11 @@ pub use online_learner::{Committed, OnlineLearner};
 
 use self::config::Place;
 use self::worker::{Lesson, Worker};
-use crate::feature::{Extractor, ExtractorConfig, Features, GrayImage, GrayView};
+use crate::feature::{Extractor, ExtractorConfig, Features, GrayImage, GrayView, shown_by_both};
 use crate::learn::{Circumstances, LearnConfig, Recipe};
-use crate::localize::{Decision, Localization, Localizer, Query, Score, Scratch, Tracker};
+use crate::localize::{
+    Decision, Localization, Localizer, MotionConfig, Query, Score, Scratch, Tracker,
+};
 use crate::map::{Map, PlaceKey, SessionId, Snapshot};
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
@@ -70,6 +72,7 @@ pub struct Frame<'a> {
     now: Option<Time>,
     mask: Option<&'a GrayImage>,
     source: &'a str,
+    place: Option<&'a PlaceKey>,
 }
 
 impl<'a> Frame<'a> {
@@ -82,6 +85,7 @@ impl<'a> Frame<'a> {
             now: None,
             mask: None,
             source: "",
+            place: None,
         }
     }
 
@@ -112,6 +116,14 @@ impl<'a> Frame<'a> {
         self.source = source;
         self
     }
+
+    /// Somebody says that it shows this place, which may be new: it is learnt as a visit of it,
+    /// whatever the answer is. A robot that does not learn only answers.
+    #[must_use]
+    pub fn with_place(mut self, place: &'a PlaceKey) -> Self {
+        self.place = Some(place);
+        self
+    }
 }
 
 /// Who learns what the robot locates.
@@ -134,8 +146,10 @@ pub struct Robot {
     extractor: Box<dyn Extractor>,
     scratch: Scratch,
     tracker: Option<Tracker>,
+    motion: Option<MotionConfig>,
     mask: Option<GrayImage>,
     teaching: Teaching,
+    is_paused: bool,
     session: SessionId,
     is_live: bool,
     features: Features,
@@ -209,8 +223,10 @@ impl Robot {
             newer: None,
             extractor,
             tracker,
+            motion: cfg.motion,
             mask: cfg.mask,
             teaching,
+            is_paused: false,
             session,
             is_live: cfg.is_live,
             features: Features::new(),
@@ -232,7 +248,7 @@ impl Robot {
     /// [`see`](Self::see), with all that is known of the image.
     pub fn see_frame(&mut self, frame: &Frame<'_>) -> Result<&Localization> {
         self.go_on_with_newer_map()?;
-        let mask = both(frame.mask, self.mask.as_ref())?;
+        let mask = shown_by_both(frame.mask, self.mask.as_ref())?;
         // An image that does not fit may be huge: looking for its features takes memory.
         let nothing = Features::new();
         let query = Query::new(&nothing)
@@ -257,9 +273,21 @@ impl Robot {
         self.totals.num_images += 1;
         if let Decision::At(_) = self.answer.decision {
             self.totals.num_located += 1;
-            self.learn(frame, mask);
+        }
+        if let Some(place) = frame.place.or_else(|| self.place()).cloned() {
+            self.learn(frame, place, mask);
         }
         Ok(&self.answer)
+    }
+
+    /// From now on nothing is learnt, or again what is located; what was learnt before stays.
+    pub fn pause_learning(&mut self, is_paused: bool) {
+        self.is_paused = is_paused;
+    }
+
+    /// Whether what is located is learnt.
+    pub fn is_learning(&self) -> bool {
+        !self.is_paused && !matches!(self.teaching, Teaching::Nobody)
     }
 
     /// Waits until everything that was located has been learnt and commits it; the robot is ready
@@ -346,14 +374,21 @@ impl Robot {
             _ => None,
         };
         if let Some(newer) = newer {
+            let num_places = self.localizer.snapshot().nodes().len();
             self.localizer = newer;
             self.scratch = self.localizer.scratch();
+            if let Some(motion) = self.motion
+                && self.localizer.snapshot().nodes().len() != num_places
+            {
+                // A place was added: what was believed is about others.
+                self.tracker = Some(Tracker::new(&self.localizer, motion)?);
+            }
         }
         Ok(())
     }
 
-    fn learn(&mut self, frame: &Frame<'_>, mask: Option<GrayImage>) {
-        if matches!(self.teaching, Teaching::Nobody) {
+    fn learn(&mut self, frame: &Frame<'_>, place: PlaceKey, mask: Option<GrayImage>) {
+        if self.is_paused || matches!(self.teaching, Teaching::Nobody) {
             return;
         }
         let Some(time) = frame.time else {
@@ -365,16 +400,13 @@ impl Robot {
             });
             return;
         };
-        let Some(place) = self.place().cloned() else {
-            return;
-        };
         let lesson = Lesson {
             place,
             time,
             circumstances: Circumstances {
                 now: frame.now.or_else(|| Some(Time::now())),
                 is_live: self.is_live,
-                is_labelled: false,
+                is_labelled: frame.place.is_some(),
                 gray_range: frame.image.gray_range(mask.as_ref()),
             },
             session: self.session,
@@ -471,27 +503,4 @@ fn check_may_learn(map: &Map, cfg: &LearnConfig) -> Result<()> {
     };
     let error = Error::new(ErrorKind::Config, message).with_path(map.path());
     Err(error.with_help(help))
-}
-
-/// What neither mask hides.
-fn both(a: Option<&GrayImage>, b: Option<&GrayImage>) -> Result<Option<GrayImage>> {
-    let (Some(a), Some(b)) = (a, b) else {
-        return Ok(a.or(b).cloned());
-    };
-    if a.size() != b.size() {
-        return Err(Error::new(
-            ErrorKind::Shape,
-            format!(
-                "a mask of {} x {} px does not fit an image of {} x {} px",
-                b.width(),
-                b.height(),
-                a.width(),
-                a.height()
-            ),
-        )
-        .with_help("make the mask for the image after crop and scale"));
-    }
-    let pixels = a.data().iter().zip(b.data());
-    let pixels = pixels.map(|(&a, &b)| a.min(b)).collect();
-    GrayImage::new(a.width(), a.height(), pixels).map(Some)
 }

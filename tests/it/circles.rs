@@ -16,10 +16,11 @@ use crate::source_text::{blank, library_files, without_tests};
 
 /// Folders of sources, and whether the test holds their crate to the rule; `crates` stands for the
 /// `src` of every crate in it.
-const ROOTS: [(&str, bool); 6] = [
+const ROOTS: [(&str, bool); 7] = [
     ("bindings/c/src", true),
     ("bindings/mcap/src", true),
     ("bindings/python/src", true),
+    ("bindings/ros2/src", true),
     ("eval/src", true),
     ("src", true),
     ("crates", true),

@@ -46,13 +46,14 @@ fn sources() -> impl Iterator<Item = (String, String)> {
         "bindings/c/src",
         "bindings/mcap/src",
         "bindings/python/src",
+        "bindings/ros2/src",
         "src",
         "crates/cli/src",
-        "crates/explore/src",
         "crates/explore/src",
         "crates/fremen/src",
         "crates/grid/src",
         "crates/store/src",
+        "crates/terminal/src",
         "eval/src",
     ];
     (folders.into_iter().flat_map(library_files))

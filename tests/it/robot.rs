@@ -8,7 +8,7 @@ use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
 use chronotope::feature::{Extractor, GrayImage, StarBrief, StarBriefConfig};
 use chronotope::learn::{LearnConfig, Learner, Observation, Recipe};
 use chronotope::localize::{Decision, Localizer, LocalizerConfig, MotionConfig, Query, Score};
-use chronotope::map::{Map, MapMeta, SessionId, derived_uuid};
+use chronotope::map::{Map, MapMeta, PlaceKey, SessionId, derived_uuid};
 use chronotope::robot::{Event, Frame, Robot, RobotConfig};
 use chronotope::{ErrorKind, Period, Time};
 
@@ -285,4 +285,69 @@ fn masks_of_robot_and_image_both_count() {
         .see_frame(&Frame::new(&image).at(time).with_mask(&small))
         .expect_err("another size");
     assert_eq!(error.kind(), ErrorKind::Shape);
+}
+
+#[test]
+fn a_place_that_somebody_names_is_learnt_and_can_be_new() {
+    for inline in [true, false] {
+        let folder = tempfile::tempdir().expect("temporary");
+        let path = map_file(folder.path());
+        let cfg = RobotConfig::default()
+            .with_commit_interval(Duration::ZERO)
+            .with_tracking(MotionConfig::default());
+        let cfg = if inline {
+            cfg.with_learning_inline(LearnConfig::default())
+        } else {
+            cfg.with_learning(LearnConfig::default())
+        };
+        let mut robot = Robot::open(&path, cfg).expect("opens");
+        // A street that the map does not know.
+        let other = World::new(&WorldConfig::new(99).num_places(1)).expect("valid");
+        let kitchen = PlaceKey::new("kitchen").expect("a name");
+        let start = Time::parse("2024-02-01T12:00:00Z").expect("valid");
+        for round in 0..6_i64 {
+            let time = start.plus_us(round * Period::HOUR.as_us());
+            let image = other.render(0, time, round as u64);
+            let frame = Frame::new(&image)
+                .at(time)
+                .with_now(time)
+                .with_place(&kitchen);
+            robot.see_frame(&frame).expect("fits");
+            robot.commit().expect("written");
+        }
+        let time = start.plus_us(7 * Period::HOUR.as_us());
+        robot
+            .see(&other.render(0, time, 77), time)
+            .expect("an answer");
+        assert!(robot.localizer().snapshot().find(&kitchen).is_some());
+        let first = robot.answer().first().expect("a ranking").node;
+        assert_eq!(robot.localizer().snapshot().node(first).key, kitchen);
+        let totals = robot.totals();
+        assert_eq!(totals.num_learnt, 6, "{totals:?}");
+        assert_eq!(num_visits(&path), NUM_ROUNDS * NUM_PLACES + 6);
+    }
+}
+
+#[test]
+fn a_pause_in_learning_changes_no_map_and_ends() {
+    let folder = tempfile::tempdir().expect("temporary");
+    let path = map_file(folder.path());
+    let cfg = RobotConfig::default().with_learning_inline(LearnConfig::default());
+    let mut robot = Robot::open(&path, cfg).expect("opens");
+    assert!(robot.is_learning());
+    robot.pause_learning(true);
+    let see = |robot: &mut Robot, from: usize, to: usize| {
+        for (_, time, image) in drive(to).skip(from) {
+            let frame = Frame::new(&image).at(time).with_now(time);
+            robot.see_frame(&frame).expect("fits");
+        }
+        robot.commit().expect("written");
+    };
+    see(&mut robot, 0, 4);
+    assert!(!robot.is_learning() && robot.totals().num_learnt == 0);
+    assert_eq!(num_visits(&path), NUM_ROUNDS * NUM_PLACES);
+    robot.pause_learning(false);
+    see(&mut robot, 4, 8);
+    assert!(robot.totals().num_learnt > 0);
+    assert!(num_visits(&path) > NUM_ROUNDS * NUM_PLACES);
 }

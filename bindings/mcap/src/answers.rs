@@ -90,9 +90,12 @@ struct Share<'a> {
 /// What became of a predicted feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
-enum State {
+pub enum State {
+    /// It was found where it was predicted.
     Inlier,
+    /// It was matched elsewhere.
     Outlier,
+    /// It was not found.
     Missing,
 }
 
@@ -159,6 +162,14 @@ impl<'a> Answer<'a> {
     pub fn in_short(mut self) -> Self {
         self.predicted.clear();
         self
+    }
+
+    /// Where the features that were predicted of the first place lie in the image, px, and what
+    /// became of each.
+    pub fn predicted(&self) -> impl Iterator<Item = ([f64; 2], State)> + '_ {
+        let [dx, dy] = self.displacement_px.unwrap_or_default();
+        (self.predicted.iter())
+            .map(move |it| ([f64::from(it.x) + dx, f64::from(it.y) + dy], it.state))
     }
 
     /// On one line, for people.
@@ -261,25 +272,27 @@ struct TextAnnotation<'a> {
 }
 
 impl<'a> Annotations<'a> {
-    /// `scale`: pixels of the recorded image to those of the map.
-    fn of(answer: &Answer<'a>, scale: f32) -> Self {
+    /// `before`: where a point of the image that was matched is in the recorded one.
+    fn of(answer: &Answer<'a>, before: &dyn Fn([f64; 2]) -> [f64; 2]) -> Self {
+        let (origin, beside) = (before([0.0, 0.0]), before([1.0, 0.0]));
+        let per_px = (beside[0] - origin[0]).hypot(beside[1] - origin[1]);
         let timestamp = answer.timestamp;
-        let [dx, dy] = answer.displacement_px.unwrap_or_default();
         let of = |state: State, outline_color: Color| {
-            let points = answer.predicted.iter().filter(|it| it.state == state);
+            let points = answer.predicted().filter(|it| it.1 == state);
             PointsAnnotation {
                 timestamp,
                 kind: 1,
                 points: points
-                    .map(|it| Point {
-                        x: (it.x + dx as f32) / scale,
-                        y: (it.y + dy as f32) / scale,
+                    .map(|(point, _)| before(point))
+                    .map(|[x, y]| Point {
+                        x: x as f32,
+                        y: y as f32,
                     })
                     .collect(),
                 outline_color,
                 outline_colors: [],
                 fill_color: outline_color,
-                thickness: 6.0 / scale,
+                thickness: 6.0 * per_px as f32,
             }
         };
         let text = match answer.place {
@@ -371,14 +384,19 @@ impl AnswerFile {
         })
     }
 
-    /// Adds an answer; `logged` is when its image was recorded, and `scale` by how much that was
-    /// scaled to the size of the map's images.
+    /// Adds an answer; `logged` is when its image was recorded, and `before` says where a point of
+    /// the image that was matched is in the recorded one, px.
     ///
     /// # Errors
     ///
     /// [`ErrorKind::Io`] if it cannot be written.
-    pub fn add(&mut self, answer: &Answer<'_>, logged: Time, scale: f64) -> Result<()> {
-        let annotations = Annotations::of(answer, scale as f32);
+    pub fn add(
+        &mut self,
+        answer: &Answer<'_>,
+        logged: Time,
+        before: impl Fn([f64; 2]) -> [f64; 2],
+    ) -> Result<()> {
+        let annotations = Annotations::of(answer, &before);
         let json = |it: serde_json::Result<Vec<u8>>| {
             it.map_err(|cause| Error::new(ErrorKind::Format, cause.to_string()))
         };

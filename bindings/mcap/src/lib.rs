@@ -36,8 +36,8 @@ mod places;
 mod table;
 mod track;
 
-pub use answers::{Answer, AnswerFile, FOXGLOVE_LAYOUT};
+pub use answers::{Answer, AnswerFile, FOXGLOVE_LAYOUT, State};
 pub use bag::{Bag, Contents, Topic, TopicSummary};
 pub use dataset::{BagOptions, Origin, Places, Recording, StampSource};
-pub use message::{CameraInfo, MessageType};
+pub use message::{CameraInfo, EncodedImage, MessageType, RawImage};
 pub use places::Vicinity;

@@ -4,28 +4,17 @@
 //! with `--json`), diagnostics and warnings to stderr. Exit codes: 0 located or done, 1 unknown,
 //! ambiguous or problems found, 2 an error, 130 interrupted.
 
-/// One line on stderr: names in it come from outside, so nothing of it reaches a terminal that this
-/// would obey. Where nothing can be written there nothing is said.
-macro_rules! note {
-    ($($words:tt)*) => {{
-        let line = format!($($words)*);
-        let line = chronotope::error::printable(&line);
-        let _ = std::io::Write::write_fmt(&mut std::io::stderr(), format_args!("{line}\n"));
-    }};
-}
+#[macro_use]
+extern crate chronotope_terminal;
 
 mod command;
 
-use std::io::IsTerminal;
 use std::process::ExitCode;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::{ArgAction, Parser, Subcommand};
 
-use chronotope::error::describe;
-use chronotope::simd::Kernel;
-use command::outcome::Outcome;
-use command::output::{self, Output};
+use chronotope_terminal::{Outcome, Output, begin, end};
 use command::{build, check, layout, localize};
 
 /// Visual localisation from ROS 2 bags: maps from what a robot has recorded, answers back into bags.
@@ -64,26 +53,11 @@ enum Command {
 /// Runs the command that the process's arguments name; usage errors and `--help` end the process.
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    log_to_stderr(cli.verbose);
-    match cli.run() {
-        Ok(outcome) => outcome.into(),
-        // The reader has seen enough (`| head`).
-        Err(error) if output::is_closed_pipe(&error) => ExitCode::SUCCESS,
-        Err(error) => {
-            note!("error: {}", describe(error.as_ref()));
-            Outcome::Failed.into()
-        }
-    }
+    end(begin(cli.verbose).and_then(|()| cli.run()))
 }
 
 impl Cli {
     fn run(self) -> Result<Outcome> {
-        (rayon::ThreadPoolBuilder::new().build_global()).context(
-            "the system starts no more threads (help: end other programs, or set \
-             RAYON_NUM_THREADS=1)",
-        )?;
-        let kernel = Kernel::from_env()?;
-        tracing::debug!(kernel = kernel.name(), "matching");
         let mut out = Output::stdout();
         match self.command {
             Command::Check(args) => check::run(&args, &mut out),
@@ -93,22 +67,6 @@ impl Cli {
             Command::Layout(args) => layout::run(&args, &mut out),
         }
     }
-}
-
-fn log_to_stderr(verbosity: u8) {
-    let level = match verbosity {
-        0 => "warn",
-        1 => "info",
-        _ => "debug",
-    };
-    // Only a second subscriber in this process could make it fail.
-    let _ = tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::new(level))
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_writer(std::io::stderr)
-        .without_time()
-        .with_target(false)
-        .try_init();
 }
 
 #[cfg(test)]

@@ -3,6 +3,8 @@
 //! Of each only the fields that are used, in the order of its definition; what follows them is not
 //! read. Types are known by their ROS 2 names (`sensor_msgs/msg/Image`).
 
+use std::borrow::Cow;
+
 use chronotope::error::{Error, ErrorKind, Result};
 use chronotope::time::Time;
 use serde::Serialize;
@@ -119,16 +121,21 @@ impl Header {
     }
 }
 
-/// `sensor_msgs/msg/Image`.
+/// What `sensor_msgs/msg/Image` says of an image.
 #[derive(Clone, Debug)]
-pub(crate) struct RawImage<'a> {
-    pub(crate) height: u32,
-    pub(crate) width: u32,
-    pub(crate) encoding: String,
-    pub(crate) is_big_endian: bool,
-    /// Bytes from one row to the next.
-    pub(crate) step: u32,
-    pub(crate) data: &'a [u8],
+pub struct RawImage<'a> {
+    /// Rows.
+    pub height: u32,
+    /// Columns.
+    pub width: u32,
+    /// How its pixels are kept: `mono8`, `bgr8`.
+    pub encoding: Cow<'a, str>,
+    /// The byte order of what takes more than one.
+    pub is_big_endian: bool,
+    /// Bytes from one row to the next; 0: as many as a row has.
+    pub step: u32,
+    /// The pixels.
+    pub data: &'a [u8],
 }
 
 impl<'a> RawImage<'a> {
@@ -138,7 +145,7 @@ impl<'a> RawImage<'a> {
         Ok(Self {
             height: cursor.u32()?,
             width: cursor.u32()?,
-            encoding: cursor.text()?,
+            encoding: cursor.text()?.into(),
             is_big_endian: cursor.u8()? != 0,
             step: cursor.u32()?,
             data: cursor.byte_sequence()?,
@@ -146,11 +153,13 @@ impl<'a> RawImage<'a> {
     }
 }
 
-/// `sensor_msgs/msg/CompressedImage`.
+/// What `sensor_msgs/msg/CompressedImage` says of an image.
 #[derive(Clone, Debug)]
-pub(crate) struct EncodedImage<'a> {
-    pub(crate) format: String,
-    pub(crate) data: &'a [u8],
+pub struct EncodedImage<'a> {
+    /// What its driver calls the format; the bytes say it, too.
+    pub format: Cow<'a, str>,
+    /// A file: JPEG, PNG and what else files of images are.
+    pub data: &'a [u8],
 }
 
 impl<'a> EncodedImage<'a> {
@@ -158,7 +167,7 @@ impl<'a> EncodedImage<'a> {
         let cursor = &mut Cursor::new(message)?;
         Header::read(cursor)?;
         Ok(Self {
-            format: cursor.text()?,
+            format: cursor.text()?.into(),
             data: cursor.byte_sequence()?,
         })
     }

@@ -58,6 +58,29 @@ pub(crate) fn raw_size(image: &RawImage<'_>, limits: &DecodeLimits) -> Result<(u
     Ok((image.width, image.height))
 }
 
+impl RawImage<'_> {
+    /// Its grey pixels, as those of the file that it was made of.
+    ///
+    /// # Errors
+    ///
+    /// [`ErrorKind::Format`] for an encoding that is not read, [`ErrorKind::Shape`] if there are too
+    /// few bytes.
+    pub fn to_gray(&self, limits: &DecodeLimits) -> Result<GrayImage> {
+        raw(self, limits)
+    }
+}
+
+impl EncodedImage<'_> {
+    /// Its grey pixels.
+    ///
+    /// # Errors
+    ///
+    /// As [`decode_gray`] fails.
+    pub fn to_gray(&self, limits: &DecodeLimits) -> Result<GrayImage> {
+        encoded(self, limits)
+    }
+}
+
 /// The grey pixels of `sensor_msgs/msg/Image`.
 pub(crate) fn raw(image: &RawImage<'_>, limits: &DecodeLimits) -> Result<GrayImage> {
     let (width, height) = raw_size(image, limits)?;

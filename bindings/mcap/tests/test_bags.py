@@ -146,6 +146,12 @@ def digest(map_file: Path) -> str:
     return total.hexdigest()
 
 
+def places_of(map_file: Path) -> list:
+    """Names, visits and features: the digest also says how the images were changed."""
+    shown = json.loads(run(CHRONOTOPE, "map", "inspect", map_file, "--json").stdout)
+    return [(it["key"], it["num_visits"], it["num_features"]) for it in shown["places"]]
+
+
 class Bags(unittest.TestCase):
     @classmethod
     def setUpClass(cls) -> None:
@@ -216,6 +222,86 @@ class Bags(unittest.TestCase):
         done = bags("check", folder, codes=(1,))
         self.assertIn("metadata.yaml: it is missing", done.stdout)
         self.assertIn("24 listed, 24 readable", done.stdout)
+
+    def test_turned_images_are_turned_back(self) -> None:
+        bag = self.new_folder() / "street.mcap"
+        turned = images(self.pictures, "mono8")
+        for _, _, _, message in turned:
+            rows = message.data.reshape(message.height, message.step)[:, : message.width]
+            message.data, message.step = rows[::-1, ::-1].reshape(-1), message.width
+        write_mcap(bag, turned, CompressionType.ZSTD)
+        out = self.new_folder() / "bag.map"
+        given = [bag, "--places", f"csv:{self.places}", "--rotate", 180]
+        bags("build", *given, "--out", out)
+        self.assertEqual(places_of(out), places_of(self.map))
+        lines = bags("localize", self.map, bag, "--rotate", 180, "--json", codes=(0, 1)).stdout
+        straight = bags("localize", self.map, self.bag, "--json", codes=(0, 1)).stdout
+        places = [[json.loads(it)["place"] for it in text.splitlines()] for text in (lines, straight)]
+        self.assertEqual(*places)
+        self.assertGreaterEqual(sum(it is not None for it in places[0]), 18)
+        # What was predicted is drawn where it is in the recorded, upside-down image.
+        drawn = []
+        for name, rotated, source in [("a", [], self.bag), ("b", ["--rotate", 180], bag)]:
+            answers = self.new_folder() / f"{name}.mcap"
+            bags("localize", self.map, source, "--out", answers, *rotated, codes=(0, 1))
+            with answers.open("rb") as file:
+                drawn.append(
+                    [
+                        [(it["x"], it["y"]) for kind in json.loads(m.data)["points"] for it in kind["points"]]
+                        for _, channel, m in make_reader(file).iter_messages()
+                        if channel.topic == "/chronotope/annotations"
+                    ]
+                )
+        height, width = self.pictures[0].gray.shape
+        self.assertGreater(sum(map(len, drawn[0])), 100)
+        for ours, theirs in zip(*drawn, strict=True):
+            for (x, y), (u, v) in zip(ours, theirs, strict=True):
+                self.assertAlmostEqual(x, width - 1 - u, places=2)
+                self.assertAlmostEqual(y, height - 1 - v, places=2)
+
+    def test_what_is_masked_is_not_used(self) -> None:
+        """As a manifest masks the same images in a folder."""
+        height, width = self.pictures[0].gray.shape
+        folder = self.new_folder()
+        mask = np.full((height, width), 255, np.uint8)
+        mask[:, : width // 2] = 0
+        file = folder / "mask.pgm"
+        file.write_bytes(b"P5\n%d %d\n255\n" % (width, height) + mask.tobytes())
+        data = folder / "street"
+        shutil.copytree(STREET, data)
+        (data / "dataset.toml").write_text(
+            'name = "street"\n[time]\nclock = "real"\n'
+            f"[[mask]]\nx = 0\ny = 0\nwidth = {width // 2}\nheight = {height}\n"
+        )
+        run(CHRONOTOPE, "map", "build", "--data", data, "--out", folder / "folder.map")
+        given = [self.bag, "--places", f"csv:{self.places}", "--mask", file]
+        bags("build", *given, "--out", folder / "bag.map")
+        self.assertEqual(places_of(folder / "bag.map"), places_of(folder / "folder.map"))
+        self.assertNotEqual(places_of(folder / "bag.map"), places_of(self.map))
+        done = bags("localize", folder / "bag.map", self.bag, "--mask", file, codes=(0, 1))
+        self.assertEqual(len(done.stdout.splitlines()), len(self.pictures))
+        mask = np.full((height // 2, width), 255, np.uint8)
+        file.write_bytes(b"P5\n%d %d\n255\n" % (width, height // 2) + mask.tobytes())
+        done = bags("localize", self.map, self.bag, "--mask", file, codes=(2,))
+        self.assertIn("mask", done.stderr)
+
+    def test_numbers_come_from_a_configuration(self) -> None:
+        folder = self.new_folder()
+        numbers = folder / "numbers.toml"
+        numbers.write_text(bags("build", "--print-config").stdout)
+        given = [self.bag, "--places", f"csv:{self.places}", "--config", numbers]
+        bags("build", *given, "--out", folder / "same.map")
+        self.assertEqual(digest(folder / "same.map"), self.expected)
+        numbers.write_text("[learn]\nfeatures-per-visit = 60\n[localize]\nrisk = 0.5\n")
+        bags("build", *given, "--out", folder / "small.map")
+        run(CHRONOTOPE, "map", "build", "--data", STREET, "--config", numbers, "--out", folder / "folder.map")
+        self.assertEqual(digest(folder / "small.map"), digest(folder / "folder.map"))
+        shown = bags("localize", "--config", numbers, "--print-config").stdout
+        self.assertIn("risk = 0.5", shown)
+        numbers.write_text("[learn]\nfeatures-per-visits = 60\n")
+        done = bags("localize", self.map, self.bag, "--config", numbers, codes=(2,))
+        self.assertIn("line 2", done.stderr)
+        self.assertIn("features-per-visits", done.stderr)
 
     def test_big_endian_and_unchunked_messages_are_read(self) -> None:
         bag = self.new_folder() / "street.mcap"

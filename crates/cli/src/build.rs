@@ -9,19 +9,18 @@ use std::time::Duration;
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 
-use super::arguments::{ConfigArgs, named};
-use super::config::Config;
-use super::interrupt;
-use super::outcome::Outcome;
-use super::output::{Output, contents};
 use super::progress::Progress;
-use super::reading::ReadingArgs;
 use super::warnings::{print_held, print_num_held};
 use chronotope::dataset::Clock;
 use chronotope::learn::{KeepAppearances, LearnConfig};
 use chronotope::localize::Preset;
 use chronotope::map::{Map, Snapshot};
 use chronotope::training::{Step, Training, TrainingConfig};
+use chronotope_terminal::arguments::{ConfigArgs, named};
+use chronotope_terminal::config::Config;
+use chronotope_terminal::output::contents;
+use chronotope_terminal::reading::ReadingArgs;
+use chronotope_terminal::{Outcome, Output, interrupt};
 
 /// Learn a map from images of known places and times.
 ///

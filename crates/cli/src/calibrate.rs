@@ -6,12 +6,11 @@ use std::sync::Arc;
 use anyhow::Result;
 use clap::Args;
 
-use super::config::Config;
-use super::outcome::Outcome;
-use super::output::Output;
 use chronotope::error::{Error, ErrorKind};
 use chronotope::localize::{ATTACHMENT, Localizer};
 use chronotope::map::{Map, Snapshot};
+use chronotope_terminal::config::Config;
+use chronotope_terminal::{Outcome, Output};
 
 /// Keep with a map what its past visits say about matches, so that `localize` starts at once.
 ///

@@ -5,15 +5,14 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::Args;
 
-use super::outcome::Outcome;
-use super::output::Output;
 use super::progress::Progress;
-use super::reading::ReadingArgs;
 use chronotope::dataset::{CheckOptions, Dataset, Manifest};
 use chronotope::feature::{ExtractorConfig, StarBriefConfig};
 use chronotope::learn::LearnConfig;
 use chronotope::localize::Preset;
 use chronotope::time::Time;
+use chronotope_terminal::reading::ReadingArgs;
+use chronotope_terminal::{Outcome, Output};
 
 /// Decode every image of a dataset, count, and list what is wrong.
 ///

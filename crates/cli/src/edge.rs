@@ -6,10 +6,9 @@ use anyhow::Result;
 use clap::{Args, Subcommand};
 use serde_json::json;
 
-use super::outcome::Outcome;
-use super::output::Output;
 use chronotope::error::{Error, ErrorKind};
 use chronotope::map::{Edge, Map, PlaceKey, Snapshot};
+use chronotope_terminal::{Outcome, Output};
 
 /// List, add or remove ways between places.
 ///

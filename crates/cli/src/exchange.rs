@@ -8,8 +8,6 @@ use anyhow::Result;
 use clap::Args;
 use fremen::file::OutputFile;
 
-use super::outcome::Outcome;
-use super::output::{Output, contents};
 use super::unpacked::unpacked;
 use super::way_map_file::WayMap;
 use super::way_maps::{ExportFormat, Origin, to_dot, to_geojson, to_tmap2};
@@ -21,6 +19,8 @@ use chronotope::map::{
     AppearanceUse, FileStorageMap, Map, MapMeta, Node, PlaceKey, SessionId, Snapshot, Visit,
     VisitId, decode_file_storage, derived_uuid, features_digest,
 };
+use chronotope_terminal::output::contents;
+use chronotope_terminal::{Outcome, Output};
 
 /// Write a map as a folder of plain files: CSV tables and arrays that numpy opens.
 ///

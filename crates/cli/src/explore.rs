@@ -13,12 +13,11 @@ use fremen_explore::{
 };
 use serde_json::json;
 
-use super::arguments::named;
 use super::explore_data::{Known, Reading, known, recording};
 use super::explore_output::{Form, PlannedVisit, show};
-use super::outcome::Outcome;
-use super::output::Output;
 use super::unpacked::unpacked;
+use chronotope_terminal::arguments::named;
+use chronotope_terminal::{Outcome, Output};
 
 /// Plan where to look when, so that what is known of places stays true.
 ///

@@ -4,7 +4,7 @@ use anyhow::Result;
 use fremen::Time;
 use serde_json::json;
 
-use super::output::Output;
+use chronotope_terminal::Output;
 
 /// One visit, in the words of whoever planned it.
 pub(super) struct PlannedVisit {

@@ -7,11 +7,11 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 
-use super::arguments::ShownMap;
-use super::outcome::Outcome;
-use super::output::{Output, contents, hex};
 use chronotope::map::{Generation, Map, SessionId, Snapshot};
 use chronotope::time::{Period, Time};
+use chronotope_terminal::arguments::ShownMap;
+use chronotope_terminal::output::{contents, hex};
+use chronotope_terminal::{Outcome, Output};
 
 /// List the generations of a map, oldest first.
 ///

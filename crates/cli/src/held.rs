@@ -7,13 +7,12 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 
-use super::arguments::ShownMap;
-use super::config::Config;
-use super::outcome::Outcome;
-use super::output::Output;
 use chronotope::error::printable;
 use chronotope::learn::{Learner, forget_session};
 use chronotope::map::{Map, Quarantine, SessionId, Snapshot, VisitId};
+use chronotope_terminal::arguments::ShownMap;
+use chronotope_terminal::config::Config;
+use chronotope_terminal::{Outcome, Output};
 
 /// List the visits that a map holds without having learnt them, each with the reason.
 ///

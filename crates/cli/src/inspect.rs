@@ -4,11 +4,11 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 
-use super::arguments::ShownMap;
-use super::outcome::Outcome;
-use super::output::{Output, hex};
 use chronotope::map::{AppearanceUse, Map, Node};
 use chronotope::time::Time;
+use chronotope_terminal::arguments::ShownMap;
+use chronotope_terminal::output::hex;
+use chronotope_terminal::{Outcome, Output};
 
 /// Show what a map holds.
 #[derive(Debug, Args)]

@@ -7,32 +7,25 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::json;
 
-use super::arguments::{ConfigArgs, named};
-use super::config::{Config, preset_of};
-use super::interrupt;
 use super::live::{self, Frames};
-use super::outcome::Outcome;
-use super::output::Output;
 use super::pictures::{Picture, Pictures};
-use super::reading::{Adjust, ReadingArgs};
 use super::warnings::{print_held, print_num_held, warn_of_time};
 use super::within::Within;
 use chronotope::error::{Error, printable};
 use chronotope::feature::{LoadOptions, load_mask};
-use chronotope::learn::{BudgetConfig, LearnConfig};
 use chronotope::localize::{
     Candidate, Decision, IndexCache, Localization, Localizer, LocalizerConfig, Method, Preset,
     Score,
 };
-use chronotope::map::{Map, MapMeta, NodeId, PlaceKey, Snapshot};
+use chronotope::map::{MapMeta, NodeId, PlaceKey, Snapshot};
 use chronotope::predict::Selection;
 use chronotope::robot::{Event, Frame, Robot, RobotConfig};
 use chronotope::time::Time;
 use chronotope::trace::{Shot, Stage, TraceConfig, Tracer};
-
-/// All places of a map that learns on take at most so many bytes together, unless `[learn.budget]`
-/// says otherwise.
-const DEFAULT_BUDGET_BYTES: usize = 256 << 20;
+use chronotope_terminal::arguments::{ConfigArgs, named};
+use chronotope_terminal::config::{Config, preset_of};
+use chronotope_terminal::reading::{Adjust, ReadingArgs};
+use chronotope_terminal::{Outcome, Output, interrupt};
 
 /// Say at which place of a map images were taken.
 ///
@@ -134,7 +127,7 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
         bail!("MAP is missing");
     };
     let (trace, results) = args.outputs(out)?;
-    let mut robot = Robot::open(path, args.robot(config.clone())?)?;
+    let mut robot = Robot::open(path, args.robot(&config)?)?;
     let is_preset = config.localize.method() == LocalizerConfig::preset(preset).method();
     if is_preset && args.method.is_none() && counts_visits(robot.localizer().snapshot()) {
         note!(
@@ -142,7 +135,7 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
         );
         config.localize = config.localize.with_method(Method::Static);
         drop(robot);
-        robot = Robot::open(path, args.robot(config.clone())?)?;
+        robot = Robot::open(path, args.robot(&config)?)?;
     }
     let needs_time = config.localize.method().needs_time();
     let mut guide = Guide::new(args, robot, trace, results);
@@ -209,10 +202,10 @@ fn counts_visits(snapshot: &Snapshot) -> bool {
 }
 
 impl LocalizeArgs {
-    fn robot(&self, config: Config) -> Result<RobotConfig> {
+    fn robot(&self, config: &Config) -> Result<RobotConfig> {
         let score = config.localize.score();
         let mut cfg = RobotConfig::default()
-            .with_localize(config.localize)
+            .with_localize(config.localize.clone())
             .with_index_cache(self.query_form);
         if let Some(mask) = &self.mask {
             cfg = cfg.with_mask(load_mask(mask, &LoadOptions::default())?);
@@ -227,24 +220,15 @@ impl LocalizeArgs {
             cfg = cfg.with_tracking(config.motion);
         }
         if self.learn {
-            cfg = cfg.with_learning_inline(self.bounded(config.learn)?);
+            cfg = cfg.with_learning_inline(match &self.map {
+                Some(map) => config.learn_within_budget(map)?,
+                None => config.learn.clone(),
+            });
         }
         if self.camera.is_none() {
             cfg = cfg.with_recorded_images();
         }
         Ok(cfg)
-    }
-
-    /// What is learnt, within a budget: the configuration's or, if that has none, the default one; a
-    /// map that is larger already does not grow.
-    fn bounded(&self, learn: LearnConfig) -> Result<LearnConfig> {
-        let Some(map) = self.map.as_ref().filter(|_| !learn.budget().is_bounded()) else {
-            return Ok(learn);
-        };
-        let snapshot = Map::open_read_only(map)?.snapshot();
-        let num_bytes: usize = snapshot.nodes().iter().map(|node| node.num_bytes()).sum();
-        let budget = BudgetConfig::default().with_bytes(num_bytes.max(DEFAULT_BUDGET_BYTES));
-        Ok(learn.with_budget(budget)?)
     }
 
     fn change(&self, mut cfg: LocalizerConfig) -> Result<LocalizerConfig> {

@@ -5,21 +5,12 @@
 //! an error, 130 interrupted. Nothing here computes: each command reads its arguments, calls the
 //! rooms below and shows what they say.
 
-/// One line on stderr: names in it come from outside, so nothing of it reaches a terminal that this
-/// would obey. Where nothing can be written there (a full disk, nobody who reads) nothing is said.
-macro_rules! note {
-    ($($words:tt)*) => {{
-        let line = format!($($words)*);
-        let line = chronotope::error::printable(&line);
-        let _ = std::io::Write::write_fmt(&mut std::io::stderr(), format_args!("{line}\n"));
-    }};
-}
+#[macro_use]
+extern crate chronotope_terminal;
 
-mod arguments;
 mod build;
 mod calibrate;
 mod check;
-mod config;
 mod edge;
 mod exchange;
 mod explore;
@@ -29,18 +20,14 @@ mod generations;
 mod grid;
 mod held;
 mod inspect;
-mod interrupt;
 mod live;
 mod localize;
 mod make_index;
 mod merge;
-mod outcome;
-mod output;
 mod pictures;
 mod place;
 mod predict;
 mod progress;
-mod reading;
 mod spectrum;
 mod spectrum_svg;
 mod unpacked;
@@ -49,16 +36,12 @@ mod way_map_file;
 mod way_maps;
 mod within;
 
-use std::io::IsTerminal;
 use std::process::ExitCode;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::{ArgAction, Parser, Subcommand};
 
-use chronotope::error::describe;
-use chronotope::simd::Kernel;
-use outcome::Outcome;
-use output::Output;
+use chronotope_terminal::{Outcome, Output, begin, end};
 
 /// Visual topological localisation that knows what each place looks like at a given time.
 #[derive(Debug, Parser)]
@@ -145,27 +128,11 @@ enum DatasetCommand {
 /// Runs the command that the process's arguments name; usage errors and `--help` end the process.
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    log_to_stderr(cli.verbose);
-    match cli.run() {
-        Ok(outcome) => outcome.into(),
-        // The reader has seen enough (`| head`).
-        Err(error) if output::is_closed_pipe(&error) => ExitCode::SUCCESS,
-        Err(error) => {
-            note!("error: {}", describe(error.as_ref()));
-            Outcome::Failed.into()
-        }
-    }
+    end(begin(cli.verbose).and_then(|()| cli.run()))
 }
 
 impl Cli {
     fn run(self) -> Result<Outcome> {
-        // Started here, where a system that gives no more threads can be spoken of.
-        (rayon::ThreadPoolBuilder::new().build_global()).context(
-            "the system starts no more threads (help: end other programs, or set \
-                      RAYON_NUM_THREADS=1)",
-        )?;
-        let kernel = Kernel::from_env()?;
-        tracing::debug!(kernel = kernel.name(), "matching");
         let mut out = Output::stdout();
         match self.command {
             Command::Map(MapCommand::Build(args)) => build::run(&args, &mut out),
@@ -195,22 +162,6 @@ impl Cli {
             Command::Dataset(DatasetCommand::Index(args)) => make_index::run(&args, &mut out),
         }
     }
-}
-
-fn log_to_stderr(verbosity: u8) {
-    let level = match verbosity {
-        0 => "warn",
-        1 => "info",
-        _ => "debug",
-    };
-    // Only a second subscriber in this process could make it fail.
-    let _ = tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::new(level))
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_writer(std::io::stderr)
-        .without_time()
-        .with_target(false)
-        .try_init();
 }
 
 #[cfg(test)]

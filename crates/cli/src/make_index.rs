@@ -5,11 +5,10 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::Args;
 
-use super::arguments::named;
-use super::outcome::Outcome;
-use super::output::Output;
 use chronotope::dataset::{IndexOptions, IndexSource, MadeIndex};
 use chronotope::time::Zone;
+use chronotope_terminal::arguments::named;
+use chronotope_terminal::{Outcome, Output};
 
 /// Print the index.csv of a folder of images in another layout.
 ///

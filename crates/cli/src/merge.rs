@@ -6,12 +6,12 @@ use std::sync::Arc;
 use anyhow::Result;
 use clap::Args;
 
-use super::config::Config;
-use super::outcome::Outcome;
-use super::output::{Output, contents};
 use chronotope::error::{Error, ErrorKind};
 use chronotope::learn::{self, LearnConfig};
 use chronotope::map::{Map, Quarantine, Snapshot};
+use chronotope_terminal::config::Config;
+use chronotope_terminal::output::contents;
+use chronotope_terminal::{Outcome, Output};
 
 /// Merge maps of the same places into a new one.
 ///

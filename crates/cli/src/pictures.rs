@@ -5,12 +5,12 @@
 
 use std::path::{Path, PathBuf};
 
-use super::reading::{Adjust, ReadingArgs};
 use chronotope::dataset::{FoundPicture, PictureFinder, TimeSource};
 use chronotope::error::Result;
 use chronotope::feature::GrayImage;
 use chronotope::map::PlaceKey;
 use chronotope::time::Time;
+use chronotope_terminal::reading::{Adjust, ReadingArgs};
 
 /// What helps where nobody says when a picture was taken.
 const TIME_HELP: &str = "give --time 2024-05-01T08:30:00Z, or --zone for an EXIF time without an \

@@ -6,11 +6,10 @@ use anyhow::Result;
 use clap::{Args, Subcommand};
 use serde_json::json;
 
-use super::outcome::Outcome;
-use super::output::Output;
 use chronotope::error::{Error, ErrorKind};
 use chronotope::learn::{drop_visit, join_places, remove_place, rename_place};
 use chronotope::map::{Map, PlaceKey, Snapshot, VisitId};
+use chronotope_terminal::{Outcome, Output};
 
 /// Rename, remove or join places.
 ///

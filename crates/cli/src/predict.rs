@@ -6,16 +6,15 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 
-use super::arguments::ConfigArgs;
-use super::config::{Config, preset_of};
-use super::outcome::Outcome;
-use super::output::Output;
 use super::warnings::warn_of_time;
 use chronotope::error::{Error, ErrorKind};
 use chronotope::localize::{Localizer, Method, Preset};
 use chronotope::map::{Map, NodeId, PlaceKey, Snapshot};
 use chronotope::predict::{PredictedMap, Selection};
 use chronotope::time::Time;
+use chronotope_terminal::arguments::ConfigArgs;
+use chronotope_terminal::config::{Config, preset_of};
+use chronotope_terminal::{Outcome, Output};
 
 /// Show which features of each place are most likely visible at a time.
 #[derive(Debug, Args)]

@@ -7,10 +7,9 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::outcome::Outcome;
-use super::output::Output;
 use super::spectrum_svg::{Picture, SVG, times};
 use super::unpacked::unpacked;
+use chronotope_terminal::{Outcome, Output};
 use fremen::file::OutputFile;
 use fremen::series::{Columns, time_of_cell};
 use fremen::spectrum::{CandidatePeriods, Component, SpectralSums};

@@ -7,11 +7,11 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use yaml_rust2::parser::{Event, Parser};
-use yaml_rust2::{Yaml, YamlLoader};
+use yaml_rust2::Yaml;
 
 use chronotope::error::{Error, ErrorKind, Result};
 use chronotope::map::{Edge, PlaceKey, Snapshot};
+use chronotope_terminal::yaml::document;
 
 /// Bytes of such a file, at most.
 const MAX_BYTES: u64 = 64 << 20;
@@ -93,32 +93,6 @@ impl WayMap {
         }
         Ok((changed, unknown))
     }
-}
-
-/// How deep lists and tables may be in each other.
-const MAX_DEPTH: usize = 32;
-
-/// The first document of a YAML text. Aliases, which can make a small text huge, are refused, and so
-/// is deep nesting.
-fn document(text: &str) -> std::result::Result<Yaml, String> {
-    let mut parser = Parser::new_from_str(text);
-    let mut depth = 0;
-    loop {
-        let (event, marker) = parser.next_token().map_err(|cause| cause.to_string())?;
-        let line = marker.line();
-        match event {
-            Event::StreamEnd => break,
-            Event::Alias(_) => return Err(format!("line {line} has an alias, which is not read")),
-            Event::SequenceStart(..) | Event::MappingStart(..) => depth += 1,
-            Event::SequenceEnd | Event::MappingEnd => depth -= 1,
-            _ => {}
-        }
-        if depth > MAX_DEPTH {
-            return Err(format!("line {line} is nested more than {MAX_DEPTH} deep"));
-        }
-    }
-    let documents = YamlLoader::load_from_str(text).map_err(|cause| cause.to_string())?;
-    Ok(documents.into_iter().next().unwrap_or(Yaml::BadValue))
 }
 
 /// A name, which YAML may take for a number.

@@ -18,8 +18,8 @@ const MIN_PREDICTED: usize = 50_000;
 
 /// The same where places of few visits are predicted by more features than was asked for. They are
 /// predicted so because each of their images counts, so more time is spent before one is missed:
-/// 500 places of a single visit are matched in about 50 ms.
-const MIN_PREDICTED_OF_FEW_VISITS: usize = 150_000;
+/// 400 places of a single visit are all matched.
+const MIN_PREDICTED_OF_FEW_VISITS: usize = 250_000;
 
 /// What a localizer finds candidates with; made once a map.
 #[derive(Clone, Debug)]

@@ -528,10 +528,7 @@ mod tests {
 
     #[test]
     fn an_image_of_nowhere_is_not_taken_for_the_place_that_has_least_to_miss() {
-        let calibration = PosteriorCalibration {
-            level: 1.0,
-            ..PRIOR
-        };
+        let calibration = prior_calibration(Score::Likelihood);
         let place = |score: f64, of_nothing: f64| PlaceEvidence { score, of_nothing };
         let mut posterior = Vec::new();
         let scores = [place(-9.0, -11.0), place(-27.0, -29.0), place(-27.5, -29.0)];

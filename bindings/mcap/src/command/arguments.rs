@@ -6,9 +6,8 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 
 use chronotope::error::{Error, ErrorKind, Result};
-use chronotope::feature::DecodeLimits;
-use chronotope::time::Zone;
 use chronotope_bags::{BagOptions, Origin, Places, StampSource, Vicinity};
+use chronotope_terminal::reading::ReadingArgs;
 
 /// Which images of a bag, and at which times.
 #[derive(Clone, Debug, Args)]
@@ -24,12 +23,8 @@ pub(crate) struct ImageArgs {
     /// Of images that follow sooner than this only the first, in seconds; 0: all.
     #[arg(long = "every", value_name = "SECONDS", default_value_t = 0.0, value_parser = seconds)]
     every_s: f64,
-    /// The zone by whose clocks the places live, such as Europe/Prague.
-    #[arg(long, value_name = "ZONE")]
-    zone: Option<Zone>,
-    /// Images of more pixels than this are refused before they are decoded [default: 25000000].
-    #[arg(long, value_name = "PIXELS")]
-    max_pixels: Option<u64>,
+    #[command(flatten)]
+    pub(crate) reading: ReadingArgs,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -40,10 +35,6 @@ enum Stamp {
 
 impl ImageArgs {
     pub(crate) fn options(&self, places: Places) -> BagOptions {
-        let limits = match self.max_pixels {
-            Some(pixels) => DecodeLimits::default().with_max_pixels(pixels),
-            None => DecodeLimits::default(),
-        };
         BagOptions::new(places)
             .with_topic(self.topic.clone())
             .with_stamp(match self.stamp {
@@ -51,8 +42,8 @@ impl ImageArgs {
                 Stamp::Message => StampSource::Message,
             })
             .with_every_s(self.every_s)
-            .with_zone(self.zone.clone())
-            .with_limits(limits)
+            .with_zone(self.reading.zone.clone())
+            .with_limits(self.reading.limits())
     }
 }
 
@@ -64,7 +55,7 @@ pub(crate) struct PlaceArgs {
     /// `PoseWithCovarianceStamped`, `NavSatFix`), `tf:FIXED,CHILD` (transforms), `csv:FILE` (columns
     /// begin, end, place), `topic:TOPIC` (`std_msgs/msg/String`; each holds until the next).
     #[arg(long, value_name = "FROM")]
-    places: PlacesFrom,
+    places: Option<PlacesFrom>,
     /// Poses this near to where a place was founded belong to it, in metres.
     #[arg(long = "radius", value_name = "METRES", default_value_t = 2.0)]
     radius_m: f64,
@@ -83,7 +74,11 @@ struct Degrees(Origin);
 impl PlaceArgs {
     pub(crate) fn options(&self, images: &ImageArgs) -> Result<BagOptions> {
         let vicinity = Vicinity::new(self.radius_m, self.heading_deg)?;
-        let options = images.options(self.places.0.clone());
+        let places = self.places.as_ref().ok_or_else(|| {
+            Error::new(ErrorKind::Config, "--places is missing")
+                .with_help("say where places come from, such as --places poses:/odom")
+        })?;
+        let options = images.options(places.0.clone());
         Ok(options
             .with_vicinity(vicinity)
             .with_origin(self.origin.map(|it| it.0)))

@@ -8,17 +8,17 @@ use std::time::Duration;
 
 use anyhow::Result;
 use clap::Args;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::arguments::{ImageArgs, PlaceArgs};
-use super::interrupt;
-use super::outcome::Outcome;
-use super::output::Output;
-use chronotope::learn::LearnConfig;
+use chronotope::dataset::Dataset;
+use chronotope::feature::{LoadOptions, load_mask};
 use chronotope::localize::Preset;
 use chronotope::map::{Map, Snapshot};
 use chronotope::training::{Step, Training, TrainingConfig};
 use chronotope_bags::{Bag, Recording};
+use chronotope_terminal::arguments::{ConfigArgs, named};
+use chronotope_terminal::config::{Config, preset_of};
+use chronotope_terminal::{Outcome, Output, interrupt};
 
 /// Learn a map from the images of a bag.
 ///
@@ -30,22 +30,27 @@ use chronotope_bags::{Bag, Recording};
 Examples:
   chronotope-bags build monday.mcap --out site.map --places poses:/odom
   chronotope-bags build rosbag2_2024_05_01/ --out site.map --topic /camera/image/compressed \\
-      --places tf:map,base_link --radius 3 --every 0.5
+      --places tf:map,base_link --radius 3 --every 0.5 --rotate 180 --mask bumper.png
   chronotope-bags build monday.mcap --out site.map --places csv:places.csv")]
 pub(crate) struct BuildArgs {
     /// The bag.
-    bag: PathBuf,
+    #[arg(required_unless_present = "print_config")]
+    bag: Option<PathBuf>,
     /// The file to write; one that exists is never overwritten.
-    #[arg(long, value_name = "MAP")]
-    out: PathBuf,
+    #[arg(long, value_name = "MAP", required_unless_present = "print_config")]
+    out: Option<PathBuf>,
     /// Where all numbers come from: our own (default), or the recipe of the FreMEn authors'
     /// benchmark.
-    #[arg(long, default_value = "default", value_parser = presets())]
+    #[arg(long, default_value = "default", value_parser = named::<Preset>(Preset::ALL.map(Preset::name)))]
     preset: Preset,
+    #[command(flatten)]
+    config: ConfigArgs,
     #[command(flatten)]
     commits: CommitArgs,
     #[command(flatten)]
     images: ImageArgs,
+    #[command(flatten)]
+    mask: MaskArgs,
     #[command(flatten)]
     places: PlaceArgs,
 }
@@ -64,12 +69,38 @@ pub(crate) struct UpdateArgs {
     map: PathBuf,
     /// The bag.
     bag: PathBuf,
+    /// TOML with the table [learn]; a key that is given replaces that of the map's preset.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
     #[command(flatten)]
     commits: CommitArgs,
     #[command(flatten)]
     images: ImageArgs,
     #[command(flatten)]
+    mask: MaskArgs,
+    #[command(flatten)]
     places: PlaceArgs,
+}
+
+/// What is hidden in every image.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Reading images")]
+struct MaskArgs {
+    /// An image of the size that is learnt, after --rotate, --crop and --scale; where it is black,
+    /// nothing is used.
+    #[arg(long, value_name = "FILE")]
+    mask: Option<PathBuf>,
+}
+
+impl MaskArgs {
+    /// The images of a bag as they are learnt.
+    fn applied_to(&self, dataset: Dataset, images: &ImageArgs) -> Result<Dataset> {
+        let dataset = dataset.adjusted(&images.reading.load_options());
+        Ok(match &self.mask {
+            Some(mask) => dataset.masked(load_mask(mask, &LoadOptions::default())?),
+            None => dataset,
+        })
+    }
 }
 
 #[derive(Clone, Copy, Debug, Args)]
@@ -79,14 +110,17 @@ struct CommitArgs {
     commit_every_s: u32,
 }
 
-fn presets() -> impl TypedValueParser<Value = Preset> {
-    PossibleValuesParser::new(Preset::ALL.map(Preset::name)).try_map(|name| name.parse::<Preset>())
-}
-
 pub(crate) fn build(args: &BuildArgs, out: &mut Output) -> Result<Outcome> {
-    Map::refuse_existing(&args.out)?;
+    let config = Config::read(args.config.config.as_deref(), args.preset)?;
+    if args.config.print_config {
+        return config.print(out);
+    }
+    let (Some(bag), Some(map)) = (&args.bag, &args.out) else {
+        anyhow::bail!("the bag and --out are missing");
+    };
+    Map::refuse_existing(map)?;
     interrupt::watch()?;
-    let bag = Arc::new(Bag::open(&args.bag)?);
+    let bag = Arc::new(Bag::open(bag)?);
     let recording = Recording::read(&bag, &args.places.options(&args.images)?, None)?;
     if let Some([latitude, longitude]) = recording.origin {
         note!(
@@ -94,11 +128,11 @@ pub(crate) fn build(args: &BuildArgs, out: &mut Output) -> Result<Outcome> {
              be given"
         );
     }
-    let learn = LearnConfig::preset(args.preset);
-    let cfg = TrainingConfig::new(args.preset, learn)
+    let cfg = TrainingConfig::new(args.preset, config.learn)
         .with_commit_interval(Duration::from_secs(u64::from(args.commits.commit_every_s)));
-    let training = Training::to_build_from(recording.dataset, &args.out, &cfg)?;
-    run(training, &args.out, out)
+    let dataset = args.mask.applied_to(recording.dataset, &args.images)?;
+    let training = Training::to_build_from(dataset, map, &cfg)?;
+    run(training, map, out)
 }
 
 pub(crate) fn update(args: &UpdateArgs, out: &mut Output) -> Result<Outcome> {
@@ -108,10 +142,12 @@ pub(crate) fn update(args: &UpdateArgs, out: &mut Output) -> Result<Outcome> {
     let options = args.places.options(&args.images)?;
     let snapshot = map.snapshot();
     let recording = Recording::read(&bag, &options, Some(&snapshot))?;
-    let preset = snapshot.meta().preset.parse().unwrap_or(Preset::Default);
-    let cfg = TrainingConfig::new(preset, LearnConfig::preset(preset))
+    let preset = preset_of(snapshot.meta());
+    let config = Config::read(args.config.as_deref(), preset)?;
+    let cfg = TrainingConfig::new(preset, config.learn)
         .with_commit_interval(Duration::from_secs(u64::from(args.commits.commit_every_s)));
-    let training = Training::to_update_from(map, recording.dataset, &cfg)?;
+    let dataset = args.mask.applied_to(recording.dataset, &args.images)?;
+    let training = Training::to_update_from(map, dataset, &cfg)?;
     run(training, &args.map, out)
 }
 

@@ -8,8 +8,6 @@ use clap::Args;
 use serde_json::json;
 
 use super::arguments::ImageArgs;
-use super::outcome::Outcome;
-use super::output::Output;
 use chronotope::dataset::{CheckOptions, CheckReport};
 use chronotope::error::ErrorKind;
 use chronotope::feature::{ExtractorConfig, StarBriefConfig};
@@ -18,6 +16,7 @@ use chronotope::localize::Preset;
 use chronotope::map::PlaceKey;
 use chronotope::time::Time;
 use chronotope_bags::{Bag, Contents, Places, Recording};
+use chronotope_terminal::{Outcome, Output};
 
 /// List a bag's topics, decode its images, and list what is wrong.
 ///
@@ -58,7 +57,11 @@ pub(crate) fn run(args: &CheckArgs, out: &mut Output) -> Result<Outcome> {
         now: Some(Time::now()),
         features: Some((extractor, guard.min_features())),
     };
-    let report = recording.map(|it| it.dataset.check_with(&options, |_, _| {}));
+    let adjustment = args.images.reading.load_options();
+    let report = recording.map(|it| {
+        let dataset = it.dataset.adjusted(&adjustment);
+        dataset.check_with(&options, |_, _| {})
+    });
     let is_clean =
         report.as_ref().is_some_and(CheckReport::is_clean) && contents.problems.is_empty();
     if args.json {

@@ -3,9 +3,8 @@
 use anyhow::Result;
 use clap::Args;
 
-use super::outcome::Outcome;
-use super::output::Output;
 use chronotope_bags::FOXGLOVE_LAYOUT;
+use chronotope_terminal::{Outcome, Output};
 
 /// Print a layout for Foxglove: the image with what was predicted over it, the place, how sure.
 ///

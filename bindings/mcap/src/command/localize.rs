@@ -5,27 +5,22 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use clap::Args;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 
 use super::arguments::ImageArgs;
-use super::interrupt;
-use super::outcome::Outcome;
-use super::output::Output;
-use chronotope::dataset::{Entry, scale_between};
-use chronotope::error::{Error, ErrorKind, printable};
-use chronotope::feature::{GrayImage, LoadOptions};
-use chronotope::learn::{BudgetConfig, LearnConfig};
-use chronotope::localize::{Decision, LocalizerConfig, Method, MotionConfig, Preset};
-use chronotope::map::{Map, MapMeta, PlaceKey};
+use chronotope::dataset::Entry;
+use chronotope::error::{Error, printable};
+use chronotope::feature::{GrayImage, LoadOptions, load_mask};
+use chronotope::localize::{Decision, LocalizerConfig, Method, Preset};
+use chronotope::map::{MapMeta, PlaceKey};
 use chronotope::predict::Selection;
 use chronotope::robot::{Event, Frame, Robot, RobotConfig};
 use chronotope::time::Time;
 use chronotope_bags::{Answer, AnswerFile, Bag, Places, Recording};
-
-/// All places of a map that learns on take at most so many bytes together; that of `chronotope
-/// localize --learn`.
-const BUDGET_BYTES: usize = 256 << 20;
+use chronotope_terminal::arguments::{ConfigArgs, named};
+use chronotope_terminal::config::{Config, preset_of};
+use chronotope_terminal::reading::Adjust;
+use chronotope_terminal::{Outcome, Output, interrupt};
 
 /// Say at which place of a map the images of a bag were taken, in the order of time.
 ///
@@ -39,14 +34,16 @@ Examples:
   chronotope-bags localize site.map wednesday.mcap --json --every 1 --learn")]
 pub(crate) struct LocalizeArgs {
     /// The map file.
-    map: PathBuf,
+    #[arg(required_unless_present = "print_config")]
+    map: Option<PathBuf>,
     /// The bag.
-    bag: PathBuf,
+    #[arg(required_unless_present = "print_config")]
+    bag: Option<PathBuf>,
     /// Write the answers with their evidence as an MCAP file, which Foxglove opens beside the bag.
     #[arg(long, value_name = "MCAP")]
     out: Option<PathBuf>,
     /// How places are remembered.
-    #[arg(long, value_parser = methods())]
+    #[arg(long, value_parser = named::<Method>(Method::ALL.map(Method::name)))]
     method: Option<Method>,
     /// How many features of each place (or experience) are matched; all, where it has fewer.
     #[arg(long)]
@@ -54,7 +51,11 @@ pub(crate) struct LocalizeArgs {
     /// How often an answer may name a wrong place, from 0 to 1 (of the preset if not given).
     #[arg(long, value_name = "SHARE")]
     risk: Option<f64>,
-    /// What was believed before moves along the map's edges and counts too.
+    /// An image of the size that is matched; where it is black, nothing is used.
+    #[arg(long, value_name = "FILE")]
+    mask: Option<PathBuf>,
+    /// What was believed before moves along the map's edges and counts too; the table [motion] of
+    /// --config says how the robot moves.
     #[arg(long)]
     track: bool,
     /// Learn each located image, as a new visit of its place; `chronotope map forget` takes the run
@@ -65,20 +66,27 @@ pub(crate) struct LocalizeArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    config: ConfigArgs,
+    #[command(flatten)]
     images: ImageArgs,
 }
 
-fn methods() -> impl TypedValueParser<Value = Method> {
-    PossibleValuesParser::new(Method::ALL.map(Method::name)).try_map(|name| name.parse::<Method>())
-}
-
 pub(crate) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
-    let preset = MapMeta::read(&args.map)?
-        .preset
-        .parse()
-        .unwrap_or(Preset::Default);
-    let robot = Robot::open(&args.map, args.robot(preset)?)?;
-    let bag = Arc::new(Bag::open(&args.bag)?);
+    let preset = match &args.map {
+        Some(map) => preset_of(&MapMeta::read(map)?),
+        None => Preset::Default,
+    };
+    let mut config = Config::read(args.config.config.as_deref(), preset)?;
+    config.localize = args.change(config.localize)?;
+    if args.config.print_config {
+        return config.print(out);
+    }
+    let (Some(map), Some(bag)) = (&args.map, &args.bag) else {
+        anyhow::bail!("a map and a bag are missing");
+    };
+    let robot = Robot::open(map, args.robot(&config, map)?)?;
+    let bag_path = bag;
+    let bag = Arc::new(Bag::open(bag_path)?);
     let one = Places::One(PlaceKey::new("somewhere")?);
     let recording = Recording::read(&bag, &args.images.options(one), None)?;
     for problem in &recording.dataset.problems {
@@ -86,16 +94,17 @@ pub(crate) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
     }
     interrupt::watch()?;
     let answers = match &args.out {
-        Some(path) => Some(AnswerFile::create(path, &[&args.map, &args.bag])?),
+        Some(path) => Some(AnswerFile::create(path, &[map, bag_path])?),
         None => None,
     };
     let outcome = Outcome::of_check(recording.dataset.problems.is_empty());
+    let size = robot.localizer().snapshot().meta().image_size;
     let mut guide = Guide {
         robot,
         answers,
         outcome,
         is_json: args.json,
-        is_scaling_told: false,
+        adjust: Adjust::new(args.images.reading.load_options(), size),
     };
     for (entry, &logged) in recording.dataset.entries.iter().zip(&recording.logged) {
         if interrupt::is_requested() {
@@ -108,36 +117,34 @@ pub(crate) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
 }
 
 impl LocalizeArgs {
-    fn robot(&self, preset: Preset) -> Result<RobotConfig> {
-        let mut localize = LocalizerConfig::preset(preset);
+    fn change(&self, mut cfg: LocalizerConfig) -> Result<LocalizerConfig> {
         if let Some(method) = self.method {
-            localize = localize.with_method(method);
+            cfg = cfg.with_method(method);
         }
         if let Some(risk) = self.risk {
-            localize = localize.with_risk(risk);
+            cfg = cfg.with_risk(risk);
         }
         if let Some(n) = self.n {
             let selection = Selection::top(n).map_err(|error| error.with_place("--n"))?;
-            localize = localize.with_selection(selection);
-        }
-        let mut cfg = RobotConfig::default()
-            .with_localize(localize)
-            .with_recorded_images();
-        if self.track {
-            cfg = cfg.with_tracking(MotionConfig::default());
-        }
-        if self.learn {
-            cfg = cfg.with_learning_inline(self.bounded(LearnConfig::preset(preset))?);
+            cfg = cfg.with_selection(selection);
         }
         Ok(cfg)
     }
 
-    /// A map that is larger than the budget already does not grow.
-    fn bounded(&self, learn: LearnConfig) -> Result<LearnConfig> {
-        let snapshot = Map::open_read_only(&self.map)?.snapshot();
-        let num_bytes: usize = snapshot.nodes().iter().map(|node| node.num_bytes()).sum();
-        let budget = BudgetConfig::default().with_bytes(num_bytes.max(BUDGET_BYTES));
-        Ok(learn.with_budget(budget)?)
+    fn robot(&self, config: &Config, map: &Path) -> Result<RobotConfig> {
+        let mut cfg = RobotConfig::default()
+            .with_localize(config.localize.clone())
+            .with_recorded_images();
+        if let Some(mask) = &self.mask {
+            cfg = cfg.with_mask(load_mask(mask, &LoadOptions::default())?);
+        }
+        if self.track {
+            cfg = cfg.with_tracking(config.motion);
+        }
+        if self.learn {
+            cfg = cfg.with_learning_inline(config.learn_within_budget(map)?);
+        }
+        Ok(cfg)
     }
 }
 
@@ -147,13 +154,14 @@ struct Guide {
     answers: Option<AnswerFile>,
     outcome: Outcome,
     is_json: bool,
-    is_scaling_told: bool,
+    /// What is done to every image.
+    adjust: Adjust,
 }
 
 impl Guide {
     fn answer(&mut self, entry: &Entry, logged: Time, out: &mut Output) -> Result<()> {
-        let (image, scale) = match entry.source.load().and_then(|image| self.fitted(image)) {
-            Ok(fitted) => fitted,
+        let (image, found) = match entry.source.load().and_then(|image| self.adjusted(image)) {
+            Ok(adjusted) => adjusted,
             Err(error) => return self.fail(&error, entry, out),
         };
         let frame = Frame::new(&image).at(entry.time).with_source(&entry.id);
@@ -166,7 +174,9 @@ impl Guide {
         }
         let answer = Answer::of(&self.robot, &entry.id, entry.time, None);
         if let Some(answers) = &mut self.answers {
-            answers.add(&answer, logged, scale)?;
+            answers.add(&answer, logged, |point| {
+                self.adjust.point_before(point, found)
+            })?;
         }
         let answer = answer.in_short();
         if self.is_json {
@@ -189,39 +199,11 @@ impl Guide {
         Ok(())
     }
 
-    /// The image in the size of the map's images, and by how much it was scaled.
-    fn fitted(&mut self, image: GrayImage) -> chronotope::Result<(GrayImage, f64)> {
-        let (from, Some(to)) = (
-            image.size(),
-            self.robot.localizer().snapshot().meta().image_size,
-        ) else {
-            return Ok((image, 1.0));
-        };
-        if from == to {
-            return Ok((image, 1.0));
-        }
-        let Some(scale) = scale_between(from, to) else {
-            let message = format!(
-                "the image has {} x {} px, but the map was learnt from {} x {} px",
-                from.0, from.1, to.0, to.1
-            );
-            return Err(Error::new(ErrorKind::Shape, message)
-                .with_help("make a map of its own for this camera"));
-        };
-        if !self.is_scaling_told {
-            self.is_scaling_told = true;
-            note!(
-                "note: images of {} x {} px are scaled to {} x {} px, as the map's are",
-                from.0,
-                from.1,
-                to.0,
-                to.1
-            );
-        }
-        Ok((
-            LoadOptions::default().with_scale(scale).apply(image)?,
-            scale,
-        ))
+    /// The image as it is matched, and its size before.
+    fn adjusted(&mut self, image: GrayImage) -> chronotope::Result<(GrayImage, (u32, u32))> {
+        let found = image.size();
+        let (image, _) = self.adjust.apply(image, None, &mut String::new())?;
+        Ok((image, found))
     }
 
     /// Says why an image has no answer, and goes on.
@@ -244,7 +226,7 @@ impl Guide {
             answers.finish()?;
         }
         if args.learn {
-            let session = self.robot.session();
+            let (session, path) = (self.robot.session(), self.robot.path().to_owned());
             let totals = self.robot.finish()?;
             note!(
                 "learnt: {} visits, {} held",
@@ -252,7 +234,7 @@ impl Guide {
                 totals.num_quarantined
             );
             if totals.num_learnt + totals.num_quarantined > 0 {
-                let map = Path::new(&args.map).display();
+                let map = path.display();
                 note!("to take this run back: chronotope map forget {map} --session {session}");
             }
         }

@@ -3,8 +3,5 @@
 pub(crate) mod arguments;
 pub(crate) mod build;
 pub(crate) mod check;
-pub(crate) mod interrupt;
 pub(crate) mod layout;
 pub(crate) mod localize;
-pub(crate) mod outcome;
-pub(crate) mod output;

@@ -6,11 +6,10 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 
-use super::super::outcome::Outcome;
-use super::super::output::Output;
 use super::super::progress::Progress;
 use super::model::ModelArgs;
 use super::quarantine;
+use chronotope_terminal::{Outcome, Output};
 use fremen::{Error, ErrorKind, Time};
 use fremen_grid::exchange::{IndexEntry, MapServerMap, common_spec, patch_of, read_index};
 use fremen_grid::file::Access;

@@ -7,8 +7,8 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 
-use super::super::outcome::Outcome;
-use super::super::output::{Output, hex};
+use chronotope_terminal::output::hex;
+use chronotope_terminal::{Outcome, Output};
 use fremen::Time;
 use fremen_grid::GridFile;
 use fremen_grid::file::Access;

@@ -11,8 +11,7 @@ mod show;
 use anyhow::Result;
 use clap::Subcommand;
 
-use super::outcome::Outcome;
-use super::output::Output;
+use chronotope_terminal::{Outcome, Output};
 
 /// The commands of grids.
 #[derive(Debug, Subcommand)]

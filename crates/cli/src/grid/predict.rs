@@ -7,10 +7,9 @@ use anyhow::Result;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::super::outcome::Outcome;
-use super::super::output::Output;
 use super::super::progress::Progress;
 use super::model::ModelArgs;
+use chronotope_terminal::{Outcome, Output};
 use fremen::file::{OutputFile, OutputKind};
 use fremen::{Error, ErrorKind, Time};
 use fremen_grid::exchange::{MapMode, MapServerMap};

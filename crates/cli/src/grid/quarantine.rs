@@ -6,11 +6,10 @@ use anyhow::Result;
 use clap::{Args, Subcommand};
 use serde_json::json;
 
-use super::super::outcome::Outcome;
-use super::super::output::Output;
 use super::super::progress::Progress;
 use super::model::ModelArgs;
 use super::predict::write_png;
+use chronotope_terminal::{Outcome, Output};
 use fremen::{Error, ErrorKind};
 use fremen_grid::file::Access;
 use fremen_grid::lifelong::{LifelongGrid, MapId};

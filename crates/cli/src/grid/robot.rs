@@ -6,9 +6,8 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 
-use super::super::outcome::Outcome;
-use super::super::output::Output;
 use super::model::ModelArgs;
+use chronotope_terminal::{Outcome, Output};
 use fremen::Time;
 use fremen_grid::file::Access;
 use fremen_grid::localize::{

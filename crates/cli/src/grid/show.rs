@@ -6,10 +6,9 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 
-use super::super::outcome::Outcome;
-use super::super::output::Output;
 use super::model::ModelArgs;
 use super::predict::write_png;
+use chronotope_terminal::{Outcome, Output};
 use fremen::{Component, Error, ErrorKind, Time};
 use fremen_grid::file::Access;
 use fremen_grid::picture::rhythms_png;

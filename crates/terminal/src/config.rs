@@ -10,22 +10,28 @@ use std::path::Path;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::outcome::Outcome;
-use super::output::Output;
+use crate::{Outcome, Output};
 use chronotope::error::{Error, ErrorKind, Result};
-use chronotope::learn::LearnConfig;
+use chronotope::learn::{BudgetConfig, LearnConfig};
 use chronotope::localize::{LocalizerConfig, MotionConfig, Preset};
-use chronotope::map::MapMeta;
+use chronotope::map::{Map, MapMeta};
+
+/// All places of a map that learns on take at most so many bytes together, unless a configuration
+/// says otherwise.
+const DEFAULT_BUDGET_BYTES: usize = 256 << 20;
 
 /// Bytes of a configuration, at most.
 const MAX_BYTES: u64 = 1 << 20;
 
 /// Everything a file can set.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(super) struct Config {
-    pub(super) learn: LearnConfig,
-    pub(super) localize: LocalizerConfig,
-    pub(super) motion: MotionConfig,
+pub struct Config {
+    /// What of an image is worth remembering.
+    pub learn: LearnConfig,
+    /// How an image is localised.
+    pub localize: LocalizerConfig,
+    /// How the robot moves.
+    pub motion: MotionConfig,
 }
 
 /// The file by itself: finds every wrong key and value, with its line.
@@ -39,7 +45,9 @@ struct File {
 
 impl Config {
     /// The numbers of `preset`, changed by `file`.
-    pub(super) fn read(file: Option<&Path>, preset: Preset) -> Result<Self> {
+    ///
+    /// Fails if it cannot be read, or with its line if a key or value of it is wrong.
+    pub fn read(file: Option<&Path>, preset: Preset) -> Result<Self> {
         let config = Self {
             learn: LearnConfig::preset(preset),
             localize: LocalizerConfig::preset(preset),
@@ -55,9 +63,24 @@ impl Config {
             .map_err(|error| error.with_path(path))
     }
 
-    /// The numbers of the preset that a map was built with, changed by `file`.
-    pub(super) fn read_for(meta: &MapMeta, file: Option<&Path>) -> Result<Self> {
+    /// The numbers of the preset that a map was built with, changed by `file`; fails as
+    /// [`read`](Self::read) does.
+    pub fn read_for(meta: &MapMeta, file: Option<&Path>) -> Result<Self> {
         Self::read(file, preset_of(meta))
+    }
+
+    /// What is learnt of visits of `map`, within a budget: that of the numbers or, if they have none,
+    /// 256 MiB for all places together; a map that is larger already does not grow.
+    ///
+    /// Fails if the map cannot be read.
+    pub fn learn_within_budget(&self, map: &Path) -> Result<LearnConfig> {
+        if self.learn.budget().is_bounded() {
+            return Ok(self.learn.clone());
+        }
+        let snapshot = Map::open_read_only(map)?.snapshot();
+        let num_bytes: usize = snapshot.nodes().iter().map(|node| node.num_bytes()).sum();
+        let budget = BudgetConfig::default().with_bytes(num_bytes.max(DEFAULT_BUDGET_BYTES));
+        self.learn.clone().with_budget(budget)
     }
 
     fn changed_by(self, text: &str) -> Result<Self> {
@@ -78,7 +101,7 @@ impl Config {
     }
 
     /// Prints it as a file that [`read`](Self::read) takes.
-    pub(super) fn print(&self, out: &mut Output) -> anyhow::Result<Outcome> {
+    pub fn print(&self, out: &mut Output) -> anyhow::Result<Outcome> {
         out.line(self.to_toml()?.trim_end())?;
         Ok(Outcome::Good)
     }
@@ -91,7 +114,7 @@ impl Config {
 
 /// The preset that a map says it was built with; the preset `default` where this program does not
 /// know it.
-pub(super) fn preset_of(meta: &MapMeta) -> Preset {
+pub fn preset_of(meta: &MapMeta) -> Preset {
     meta.preset.parse().unwrap_or(Preset::Default)
 }
 

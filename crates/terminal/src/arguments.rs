@@ -7,30 +7,28 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 /// A map of which something is shown.
 #[derive(Debug, Args)]
-pub(super) struct ShownMap {
+pub struct ShownMap {
     /// The map file.
-    pub(super) map: PathBuf,
+    pub map: PathBuf,
     /// One JSON object.
     #[arg(long)]
-    pub(super) json: bool,
+    pub json: bool,
 }
 
 /// Where numbers come from.
 #[derive(Debug, Args)]
-pub(super) struct ConfigArgs {
+pub struct ConfigArgs {
     /// TOML with the tables [learn] and [localize]; a key that is given replaces the preset's, a
     /// table in it as a whole.
     #[arg(long, value_name = "FILE")]
-    pub(super) config: Option<PathBuf>,
+    pub config: Option<PathBuf>,
     /// Print the configuration in effect as TOML and do nothing else; it can be given to --config.
     #[arg(long)]
-    pub(super) print_config: bool,
+    pub print_config: bool,
 }
 
 /// Reads one of `names`, which are listed where another one is given.
-pub(super) fn named<T>(
-    names: impl IntoIterator<Item = &'static str>,
-) -> impl TypedValueParser<Value = T>
+pub fn named<T>(names: impl IntoIterator<Item = &'static str>) -> impl TypedValueParser<Value = T>
 where
     T: std::str::FromStr<Err = chronotope::Error> + Clone + Send + Sync + 'static,
 {

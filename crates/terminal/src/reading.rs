@@ -7,10 +7,12 @@ use chronotope::error::{Error, ErrorKind, Result};
 use chronotope::feature::{DecodeLimits, GrayImage, LoadOptions, Rect, Rotation};
 use chronotope::time::Zone;
 
+use crate::note;
+
 /// What is done to every image, after what its dataset says of it.
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Reading images")]
-pub(super) struct ReadingArgs {
+pub struct ReadingArgs {
     /// Turn every image clockwise: 90, 180 or 270 degrees.
     #[arg(long, value_name = "DEGREES", value_parser = rotation)]
     rotate: Option<Rotation>,
@@ -22,7 +24,7 @@ pub(super) struct ReadingArgs {
     scale: Option<f64>,
     /// The zone of times without an offset (EXIF, index, names), such as Europe/Prague.
     #[arg(long, value_name = "ZONE")]
-    pub(super) zone: Option<Zone>,
+    pub zone: Option<Zone>,
     /// Images of more pixels than this are refused before they are decoded [default: 25000000].
     #[arg(long, value_name = "PIXELS")]
     max_pixels: Option<u64>,
@@ -30,7 +32,7 @@ pub(super) struct ReadingArgs {
 
 impl ReadingArgs {
     /// What is done to an image.
-    pub(super) fn load_options(&self) -> LoadOptions {
+    pub fn load_options(&self) -> LoadOptions {
         LoadOptions::default()
             .with_rotation(self.rotate.unwrap_or(Rotation::None))
             .with_crop(self.crop)
@@ -39,7 +41,7 @@ impl ReadingArgs {
     }
 
     /// How a dataset is read.
-    pub(super) fn read_options(&self) -> ReadOptions {
+    pub fn read_options(&self) -> ReadOptions {
         ReadOptions {
             zone: self.zone.clone(),
             limits: self.limits(),
@@ -47,7 +49,8 @@ impl ReadingArgs {
         }
     }
 
-    pub(super) fn limits(&self) -> DecodeLimits {
+    /// What is too big to decode.
+    pub fn limits(&self) -> DecodeLimits {
         let limits = DecodeLimits::default();
         match self.max_pixels {
             Some(pixels) => limits.with_max_pixels(pixels),
@@ -57,7 +60,8 @@ impl ReadingArgs {
 }
 
 /// What is done to every image before it is a query.
-pub(super) struct Adjust {
+#[derive(Clone, Debug)]
+pub struct Adjust {
     options: LoadOptions,
     /// The size of the map's images.
     size: Option<(u32, u32)>,
@@ -65,7 +69,8 @@ pub(super) struct Adjust {
 }
 
 impl Adjust {
-    pub(super) fn new(options: LoadOptions, size: Option<(u32, u32)>) -> Self {
+    /// What the options say, then to `size`, that of the map's images.
+    pub fn new(options: LoadOptions, size: Option<(u32, u32)>) -> Self {
         Self {
             options,
             size,
@@ -76,7 +81,7 @@ impl Adjust {
     /// Whether an image of this size, by the head of its file, can become one of the map's size.
     ///
     /// So a picture that does not fit is not decoded, however large it is.
-    pub(super) fn check(&self, found: (u32, u32)) -> Result<()> {
+    pub fn check(&self, found: (u32, u32)) -> Result<()> {
         let from = self.options.size_of(found);
         match self.size {
             Some(to) if from != to && scale_between(from, to).is_none() => Err(Error::new(
@@ -93,7 +98,7 @@ impl Adjust {
 
     /// Turns, cuts and scales as the options say, then to the size of the map's images, if the
     /// image has their shape; adds to the recipe what was done.
-    pub(super) fn apply(
+    pub fn apply(
         &mut self,
         image: GrayImage,
         mask: Option<GrayImage>,
@@ -124,6 +129,16 @@ impl Adjust {
             }
             _ => Ok((image, mask)),
         }
+    }
+}
+
+impl Adjust {
+    /// Where a point of the changed image was in the image of `found` columns and rows, px.
+    pub fn point_before(&self, point: [f64; 2], found: (u32, u32)) -> [f64; 2] {
+        let between = self.options.size_of(found);
+        let scale = self.size.and_then(|size| scale_between(between, size));
+        let last = LoadOptions::default().with_scale(scale.unwrap_or(1.0));
+        (self.options).point_before(last.point_before(point, between), found)
     }
 }
 

@@ -18,19 +18,27 @@ const TRACE: OutputKind = OutputKind {
 };
 
 /// Lines of text or JSON on stdout, or on stderr where stdout carries a trace.
-pub(super) struct Output(Box<dyn Write>);
+pub struct Output(Box<dyn Write>);
+
+impl std::fmt::Debug for Output {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Output")
+    }
+}
 
 impl Output {
-    pub(super) fn stdout() -> Self {
+    /// Lines on stdout, which nobody else may write to meanwhile.
+    pub fn stdout() -> Self {
         Self(Box::new(io::stdout().lock()))
     }
 
-    pub(super) fn stderr() -> Self {
+    /// Lines on stderr.
+    pub fn stderr() -> Self {
         Self(Box::new(io::stderr()))
     }
 
     /// A file of traces, in place of an earlier one; it can be followed while it is written.
-    pub(super) fn trace(path: &Path, inputs: &[&Path]) -> Result<Self> {
+    pub fn trace(path: &Path, inputs: &[&Path]) -> Result<Self> {
         let mut file = OutputFile::replace(path, TRACE, inputs)?;
         file.publish()?;
         Ok(Self(Box::new(Followed(file))))
@@ -38,7 +46,7 @@ impl Output {
 
     /// One line, or several without the last line's end. Names in it may come from outside, so
     /// nothing of it reaches a terminal that this would obey; only the ends of lines do.
-    pub(super) fn line(&mut self, text: impl Display) -> Result<()> {
+    pub fn line(&mut self, text: impl Display) -> Result<()> {
         let text = text.to_string();
         let lines: Vec<_> = text.split('\n').map(printable).collect();
         Ok(writeln!(self.0, "{}", lines.join("\n"))?)
@@ -46,12 +54,12 @@ impl Output {
 
     /// One line that ends in CR LF, as calendars have them; without control characters, which it must
     /// not have.
-    pub(super) fn raw_line(&mut self, text: &str) -> Result<()> {
+    pub fn raw_line(&mut self, text: &str) -> Result<()> {
         Ok(write!(self.0, "{text}\r\n")?)
     }
 
     /// One line of JSON, which escapes control characters itself.
-    pub(super) fn json(&mut self, value: &impl Serialize) -> Result<()> {
+    pub fn json(&mut self, value: &impl Serialize) -> Result<()> {
         Ok(writeln!(self.0, "{}", serde_json::to_string(value)?)?)
     }
 }
@@ -74,14 +82,14 @@ impl Write for Followed {
 }
 
 /// Whether the reader of stdout has gone.
-pub(super) fn is_closed_pipe(error: &anyhow::Error) -> bool {
+pub fn is_closed_pipe(error: &anyhow::Error) -> bool {
     error
         .downcast_ref::<io::Error>()
         .is_some_and(|error| error.kind() == io::ErrorKind::BrokenPipe)
 }
 
 /// What a map holds, in words; a remark on the visits stands behind their number.
-pub(super) fn contents(summary: &Summary, remark: impl Display) -> String {
+pub fn contents(summary: &Summary, remark: impl Display) -> String {
     format!(
         "{} places, {} visits{remark}, {} features",
         summary.num_places, summary.num_visits, summary.num_features
@@ -89,7 +97,7 @@ pub(super) fn contents(summary: &Summary, remark: impl Display) -> String {
 }
 
 /// Bytes in hexadecimal.
-pub(super) fn hex(bytes: &[u8]) -> String {
+pub fn hex(bytes: &[u8]) -> String {
     use std::fmt::Write as _;
     bytes.iter().fold(String::new(), |mut text, byte| {
         let _ = write!(text, "{byte:02x}");

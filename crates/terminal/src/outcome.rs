@@ -2,11 +2,11 @@
 
 use std::process::ExitCode;
 
-use super::interrupt;
+use crate::interrupt;
 
 /// How a command ended that did not fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Outcome {
+pub enum Outcome {
     /// Located, or done.
     Good,
     /// Unknown or ambiguous, or problems were found.
@@ -19,7 +19,7 @@ pub(super) enum Outcome {
 
 impl Outcome {
     /// Good, unless problems were found.
-    pub(super) fn of_check(is_clean: bool) -> Self {
+    pub fn of_check(is_clean: bool) -> Self {
         if is_clean { Self::Good } else { Self::Doubtful }
     }
 }

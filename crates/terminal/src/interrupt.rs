@@ -10,8 +10,10 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 
+use crate::note;
+
 /// What shells call a process that SIGINT ended.
-pub(super) const EXIT_CODE: u8 = 130;
+pub const EXIT_CODE: u8 = 130;
 
 /// How long the images in hand may take.
 const MOST_PATIENCE: Duration = Duration::from_millis(1_500);
@@ -19,7 +21,7 @@ const MOST_PATIENCE: Duration = Duration::from_millis(1_500);
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 
 /// From now on Ctrl-C raises the flag, and ends the process only if nobody looks at it.
-pub(super) fn watch() -> Result<()> {
+pub fn watch() -> Result<()> {
     ctrlc::set_handler(|| {
         if REQUESTED.swap(true, Ordering::SeqCst) {
             std::process::exit(i32::from(EXIT_CODE));
@@ -36,6 +38,6 @@ pub(super) fn watch() -> Result<()> {
 }
 
 /// Whether Ctrl-C was pressed.
-pub(super) fn is_requested() -> bool {
+pub fn is_requested() -> bool {
     REQUESTED.load(Ordering::SeqCst)
 }

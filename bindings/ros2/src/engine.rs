@@ -1,0 +1,529 @@
+//! Who answers images, and never keeps a camera waiting?
+//!
+//! One thread owns the robot. Of images it is given the newest only: one that comes while another
+//! waits takes its place, and is counted. What is asked of the robot beside is done between two
+//! images; a map that was opened elsewhere is taken over there, too, so that no image is missed.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use chronotope::error::{Error, ErrorKind, Result};
+use chronotope::feature::{DecodeLimits, GrayImage, LoadOptions};
+use chronotope::learn::{LearnConfig, Learnt};
+use chronotope::map::{PlaceKey, Quarantine};
+use chronotope::robot::{Event, Frame, Robot};
+use chronotope::time::Time;
+use chronotope_bags::{Answer, EncodedImage, RawImage};
+use chronotope_terminal::reading::Adjust;
+use futures::channel::mpsc::UnboundedSender;
+use futures::channel::oneshot;
+
+use crate::messages::{CompressedImage, Header, Image};
+use crate::overlay;
+use crate::parameters::Settings;
+use crate::planner::PlannerView;
+
+/// With no image for so long, what was learnt is committed.
+const IDLE: Duration = Duration::from_millis(500);
+
+/// Pixels as they came.
+#[derive(Debug)]
+pub(crate) enum Pixels {
+    Raw(Image),
+    Encoded(CompressedImage),
+}
+
+impl Pixels {
+    pub(crate) fn header(&self) -> &Header {
+        match self {
+            Self::Raw(image) => &image.header,
+            Self::Encoded(image) => &image.header,
+        }
+    }
+
+    fn to_gray(&self, limits: &DecodeLimits) -> Result<GrayImage> {
+        match self {
+            Self::Raw(image) => RawImage {
+                height: image.height,
+                width: image.width,
+                encoding: image.encoding.as_str().into(),
+                is_big_endian: image.is_bigendian != 0,
+                step: image.step,
+                data: &image.data,
+            }
+            .to_gray(limits),
+            Self::Encoded(image) => EncodedImage {
+                format: image.format.as_str().into(),
+                data: &image.data,
+            }
+            .to_gray(limits),
+        }
+    }
+}
+
+/// An image that came.
+#[derive(Debug)]
+pub(crate) struct Shot {
+    pub(crate) pixels: Pixels,
+    pub(crate) received: Instant,
+    /// What the robot's clock said then, if it is simulated.
+    pub(crate) simulated: Option<Time>,
+}
+
+/// How a request went, for whoever made it.
+pub(crate) type Reply = oneshot::Sender<std::result::Result<String, String>>;
+
+/// What is asked of the robot.
+pub(crate) enum Command {
+    Configure(Box<Settings>),
+    /// Go on with this one.
+    TakeOver(Box<Robot>, Option<Reply>),
+    Commit(Reply),
+    /// The next image shows this place, if one comes in time.
+    Teach {
+        place: PlaceKey,
+        until: Instant,
+        reply: Reply,
+    },
+    End,
+}
+
+/// What happened.
+pub(crate) enum Report {
+    Answered(Box<Answered>),
+    /// An image could not be answered.
+    Failed(Error),
+    /// What people should know.
+    Warning(String),
+    Info(String),
+    Map(MapState),
+    /// The file holds this generation.
+    Newer(u64),
+    Learning(LearningState),
+    Ended,
+}
+
+/// An answer, as it is published.
+pub(crate) struct Answered {
+    pub(crate) json: String,
+    pub(crate) view: PlannerView,
+    pub(crate) time: Time,
+    pub(crate) num_features: usize,
+    pub(crate) gray_range: Option<(u8, u8)>,
+    pub(crate) latency: Duration,
+    pub(crate) picture: Option<Image>,
+    pub(crate) num_dropped: u64,
+}
+
+/// Which map answers.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct MapState {
+    pub(crate) path: String,
+    pub(crate) generation: u64,
+    pub(crate) num_places: usize,
+    pub(crate) num_held: usize,
+    /// Of fewer features an image is blind.
+    pub(crate) min_features: usize,
+    /// A newer generation that was seen in the file.
+    pub(crate) newer: Option<u64>,
+}
+
+/// What was learnt.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct LearningState {
+    pub(crate) is_on: bool,
+    pub(crate) num_learnt: usize,
+    pub(crate) num_held: usize,
+    pub(crate) num_missed: usize,
+    /// Why the last commit did not work.
+    pub(crate) failure: Option<String>,
+}
+
+#[derive(Default)]
+struct Inbox {
+    image: Option<Shot>,
+    commands: VecDeque<Command>,
+    num_dropped: u64,
+}
+
+/// Where images and requests are left for the thread.
+#[derive(Clone, Default)]
+pub(crate) struct Mailbox {
+    inbox: Arc<(Mutex<Inbox>, Condvar)>,
+    wants_picture: Arc<AtomicBool>,
+}
+
+impl Mailbox {
+    /// Leaves an image, in place of one that waits.
+    pub(crate) fn see(&self, shot: Shot) {
+        let mut inbox = self.lock();
+        if inbox.image.replace(shot).is_some() {
+            inbox.num_dropped += 1;
+        }
+        self.inbox.1.notify_one();
+    }
+
+    pub(crate) fn tell(&self, command: Command) {
+        self.lock().commands.push_back(command);
+        self.inbox.1.notify_one();
+    }
+
+    /// Whether the next answer shall be drawn over its image.
+    pub(crate) fn want_picture(&self) {
+        self.wants_picture.store(true, Ordering::Relaxed);
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Inbox> {
+        self.inbox.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What is to be done next, requests first; nothing after some time.
+    fn next(&self) -> (Option<Command>, Option<Shot>, u64) {
+        let mut inbox = self.lock();
+        if inbox.commands.is_empty() && inbox.image.is_none() {
+            let waited = self.inbox.1.wait_timeout(inbox, IDLE);
+            inbox = waited.unwrap_or_else(PoisonError::into_inner).0;
+        }
+        let command = inbox.commands.pop_front();
+        let image = match command {
+            Some(_) => None,
+            None => inbox.image.take(),
+        };
+        (command, image, inbox.num_dropped)
+    }
+}
+
+/// Somebody waits to hear what became of a place that was named.
+struct Lesson {
+    place: PlaceKey,
+    until: Instant,
+    reply: Reply,
+}
+
+/// What the thread owns.
+pub(crate) struct Engine {
+    robot: Box<Robot>,
+    mailbox: Mailbox,
+    reports: UnboundedSender<Report>,
+    /// Where robots go that were replaced: to finish takes time.
+    retire: Box<dyn Fn(Box<Robot>) + Send>,
+    settings: Box<Settings>,
+    adjust: Adjust,
+    topic: String,
+    lesson: Option<Lesson>,
+    /// Of the map that was reported last.
+    generation: Option<u64>,
+    learning: LearningState,
+    is_dirty: bool,
+    last_begun: Option<Instant>,
+}
+
+impl Engine {
+    /// Starts the thread.
+    pub(crate) fn start(
+        robot: Box<Robot>,
+        settings: Settings,
+        topic: String,
+        mailbox: Mailbox,
+        reports: UnboundedSender<Report>,
+        retire: Box<dyn Fn(Box<Robot>) + Send>,
+    ) -> Result<JoinHandle<()>> {
+        let mut engine = Self {
+            adjust: adjust(&settings, &robot),
+            robot,
+            mailbox,
+            reports,
+            retire,
+            settings: Box::new(settings),
+            topic,
+            lesson: None,
+            generation: None,
+            learning: LearningState::default(),
+            is_dirty: false,
+            last_begun: None,
+        };
+        std::thread::Builder::new()
+            .name("chronotope-robot".into())
+            .spawn(move || engine.run())
+            .map_err(|cause| {
+                Error::new(ErrorKind::Io, format!("no thread for the robot: {cause}"))
+                    .with_source(cause)
+            })
+    }
+
+    fn run(&mut self) {
+        self.configure();
+        loop {
+            let (command, image, num_dropped) = self.mailbox.next();
+            match (command, image) {
+                (Some(Command::End), _) => break,
+                (Some(command), _) => self.obey(command),
+                (None, Some(shot)) => self.see(&shot, num_dropped),
+                (None, None) if self.is_dirty => {
+                    if let Err(error) = self.commit() {
+                        self.report(Report::Warning(format!("not written yet: {error}")));
+                    }
+                }
+                (None, None) => {}
+            }
+            self.give_up_lesson();
+            self.report_map();
+        }
+        if let Err(error) = self.commit() {
+            self.report(Report::Warning(format!(
+                "what was learnt last is not kept: {error}"
+            )));
+        }
+        self.report(Report::Ended);
+    }
+
+    fn obey(&mut self, command: Command) {
+        match command {
+            Command::Configure(settings) => {
+                self.settings = settings;
+                self.configure();
+            }
+            Command::TakeOver(robot, reply) => {
+                let retired = std::mem::replace(&mut self.robot, robot);
+                (self.retire)(retired);
+                self.generation = None;
+                self.configure();
+                let snapshot = self.robot.localizer().snapshot();
+                let taken = format!(
+                    "{}: generation {}, {} places",
+                    self.robot.path().display(),
+                    snapshot.generation(),
+                    snapshot.nodes().len()
+                );
+                self.report(Report::Info(format!("goes on with {taken}")));
+                answer(reply, Ok(taken));
+            }
+            Command::Commit(reply) => {
+                let done = self.commit().map(|()| {
+                    let generation = self.robot.localizer().snapshot().generation();
+                    if self.robot.is_learning() {
+                        "what was learnt is in the file".to_owned()
+                    } else {
+                        format!("nothing is learnt; generation {generation}")
+                    }
+                });
+                answer(Some(reply), done.map_err(|error| error.to_string()));
+            }
+            Command::Teach {
+                place,
+                until,
+                reply,
+            } => {
+                if self.robot.is_learning() {
+                    self.lesson = Some(Lesson {
+                        place,
+                        until,
+                        reply,
+                    });
+                } else {
+                    let why =
+                        "nothing is learnt: start the node with learn:=true, and set learning";
+                    answer(Some(reply), Err(why.into()));
+                }
+            }
+            Command::End => {}
+        }
+    }
+
+    /// Applies the parameters to the robot and to its images.
+    fn configure(&mut self) {
+        self.robot.pause_learning(!self.settings.is_learning);
+        self.adjust = adjust(&self.settings, &self.robot);
+        self.learning.is_on = self.robot.is_learning();
+        self.report(Report::Learning(self.learning.clone()));
+    }
+
+    fn see(&mut self, shot: &Shot, num_dropped: u64) {
+        let begun = Instant::now();
+        let rate_hz = self.settings.max_rate_hz;
+        let is_soon = self.last_begun.is_some_and(|last| {
+            // A little less, as images of this very rate come a little early at times.
+            rate_hz > 0.0 && begun.duration_since(last).as_secs_f64() < 0.95 / rate_hz
+        });
+        if is_soon {
+            return;
+        }
+        self.last_begun = Some(begun);
+        let lesson = self.lesson.take();
+        let answered = self.answer(shot, lesson.as_ref().map(|it| &it.place));
+        if let Some(Lesson { reply, .. }) = lesson {
+            let outcome = match &answered {
+                Ok((_, source)) => self.what_was_taught(source),
+                Err(error) => Err(error.to_string()),
+            };
+            answer(Some(reply), outcome);
+        }
+        match answered {
+            Ok((mut answered, _)) => {
+                answered.num_dropped = num_dropped;
+                self.report(Report::Answered(answered));
+            }
+            Err(error) => self.report(Report::Failed(error)),
+        }
+        self.hear_events(None);
+    }
+
+    /// The answer to an image, and its name.
+    fn answer(&mut self, shot: &Shot, place: Option<&PlaceKey>) -> Result<(Box<Answered>, String)> {
+        let header = shot.pixels.header();
+        let now = shot.simulated.unwrap_or_else(Time::now);
+        let time = header.stamp.time().unwrap_or(now);
+        let image = shot.pixels.to_gray(&DecodeLimits::default())?;
+        let (image, _) = self.adjust.apply(image, None, &mut String::new())?;
+        let source = format!("{}@{time}", self.topic);
+        let mut frame = Frame::new(&image)
+            .at(time)
+            .with_now(now)
+            .with_source(&source);
+        if let Some(place) = place {
+            frame = frame.with_place(place);
+        }
+        self.robot.see_frame(&frame)?;
+        self.is_dirty |= self.robot.is_learning();
+        let answer = Answer::of(&self.robot, &source, time, None);
+        let wants = (self.mailbox.wants_picture).swap(false, Ordering::Relaxed);
+        let picture = wants.then(|| overlay::draw(&image, &answer, header.clone()));
+        let json = serde_json::to_string(&answer.in_short())
+            .map_err(|cause| Error::new(ErrorKind::Format, cause.to_string()))?;
+        let answered = Answered {
+            json,
+            view: PlannerView::of(self.robot.localizer().snapshot(), self.robot.answer()),
+            time,
+            num_features: self.robot.features().len(),
+            gray_range: image.gray_range(None),
+            latency: shot.received.elapsed(),
+            picture,
+            num_dropped: 0,
+        };
+        Ok((Box::new(answered), source))
+    }
+
+    /// Commits a lesson, and says what became of it: who is told so can rely on it.
+    fn what_was_taught(&mut self, source: &str) -> std::result::Result<String, String> {
+        self.robot.commit().map_err(|error| error.to_string())?;
+        self.is_dirty = false;
+        let learnt = self.hear_events(Some(source));
+        match learnt {
+            Some(Ok(learnt)) if learnt.doubt.is_some() => {
+                let doubt = learnt.doubt.map_or_else(String::new, |it| it.to_string());
+                Err(format!("the visit is quarantined: {doubt}"))
+            }
+            Some(Ok(learnt)) if learnt.is_same_visit => {
+                Ok("it belongs to a visit that was learnt already".into())
+            }
+            Some(Ok(_)) => Ok("learnt and written".into()),
+            Some(Err(error)) => Err(error),
+            None => Err("the image came while others were learnt: try again".into()),
+        }
+    }
+
+    /// Reports what happened beside the answers; gives what became of an image.
+    fn hear_events(&mut self, source: Option<&str>) -> Option<std::result::Result<Learnt, String>> {
+        let mut found = None;
+        let mut reports = Vec::new();
+        for event in self.robot.events() {
+            match event {
+                Event::Learnt {
+                    source: from,
+                    place,
+                    learnt,
+                    ..
+                } => {
+                    if let Some(doubt) = learnt.doubt.as_ref().filter(|_| !learnt.is_same_visit) {
+                        let text = format!("quarantined: {from} at {place}: {doubt}");
+                        reports.push(Report::Warning(text));
+                    }
+                    if source == Some(&*from) {
+                        found = Some(Ok(learnt));
+                    }
+                }
+                Event::NotLearnt {
+                    source: from,
+                    error,
+                } => {
+                    reports.push(Report::Warning(format!("not learnt: {from}: {error}")));
+                    if source == Some(&*from) {
+                        found = Some(Err(error.to_string()));
+                    }
+                }
+                Event::NotCommitted { error } => self.learning.failure = Some(error.to_string()),
+                Event::Committed { .. } => self.learning.failure = None,
+                _ => {}
+            }
+        }
+        reports.into_iter().for_each(|it| self.report(it));
+        let totals = self.robot.totals();
+        let counts = (totals.num_learnt, totals.num_quarantined, totals.num_missed);
+        let known = &self.learning;
+        if counts != (known.num_learnt, known.num_held, known.num_missed) || found.is_some() {
+            (
+                self.learning.num_learnt,
+                self.learning.num_held,
+                self.learning.num_missed,
+            ) = counts;
+            self.report(Report::Learning(self.learning.clone()));
+        }
+        found
+    }
+
+    fn commit(&mut self) -> Result<()> {
+        self.is_dirty = false;
+        let result = self.robot.commit();
+        self.learning.failure = result.as_ref().err().map(ToString::to_string);
+        self.hear_events(None);
+        self.report(Report::Learning(self.learning.clone()));
+        result
+    }
+
+    /// Nobody waits for an image for ever.
+    fn give_up_lesson(&mut self) {
+        if let Some(lesson) = self.lesson.take_if(|it| Instant::now() > it.until) {
+            let why = "no image came: is the camera on?".to_owned();
+            answer(Some(lesson.reply), Err(why));
+        }
+    }
+
+    /// Says which map answers, where that has changed.
+    fn report_map(&mut self) {
+        let snapshot = self.robot.localizer().snapshot();
+        if self.generation == Some(snapshot.generation()) {
+            return;
+        }
+        self.generation = Some(snapshot.generation());
+        let num_held = Quarantine::of(snapshot).map_or(0, |it| it.visits().len());
+        let state = MapState {
+            path: self.robot.path().display().to_string(),
+            generation: snapshot.generation(),
+            num_places: snapshot.nodes().len(),
+            num_held,
+            min_features: LearnConfig::default().guard().min_features(),
+            newer: None,
+        };
+        self.report(Report::Map(state));
+    }
+
+    fn report(&self, report: Report) {
+        // Nobody listens any more when the node ends.
+        let _ = self.reports.unbounded_send(report);
+    }
+}
+
+fn adjust(settings: &Settings, robot: &Robot) -> Adjust {
+    let options = LoadOptions::default().with_rotation(settings.rotation());
+    Adjust::new(options, robot.localizer().snapshot().meta().image_size)
+}
+
+/// Tells whoever asked, if they still wait.
+pub(crate) fn answer(reply: Option<Reply>, outcome: std::result::Result<String, String>) {
+    if let Some(reply) = reply {
+        let _ = reply.send(outcome);
+    }
+}

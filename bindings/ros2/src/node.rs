@@ -1,0 +1,778 @@
+//! What does the node listen to, and what does it say?
+//!
+//! One thread waits for everything at once: images, the clock, requests, answers of the robot's
+//! thread. It only passes on, so it is always ready for the next image.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::net::{IpAddr, Ipv4Addr};
+use std::sync::mpsc::Sender;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, Result, anyhow};
+use chronotope::error::printable;
+use chronotope::map::PlaceKey;
+use chronotope::time::Time;
+use chronotope_terminal::{interrupt, note};
+use futures::StreamExt;
+use futures::channel::mpsc::{UnboundedReceiver, unbounded};
+use futures::channel::oneshot;
+use futures::future::LocalBoxFuture;
+use futures::stream::{FuturesUnordered, LocalBoxStream};
+use ros2_client::dds::rustdds::{
+    DomainParticipantBuilder, DomainParticipantStatusEvent, GUID, QosPolicies, StatusEvented,
+};
+use ros2_client::qos::{Durability, History, WhenFull};
+use ros2_client::{
+    Context, Log, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile,
+    Subscription,
+};
+use serde::Serialize;
+
+use crate::arguments::RosArguments;
+use crate::clerk::{self, Task};
+use crate::diagnostics::{ERROR, Health, OK};
+use crate::engine::{Answered, Command, Engine, Mailbox, Pixels, Reply, Report, Shot};
+use crate::messages::{
+    Clock, ClosestEdges, CompressedImage, DiagnosticArray, Float32, Image, Outcome, Text,
+};
+use crate::parameters::{LEARNING, PARAMETERS, Settings};
+use crate::planner::PlannerView;
+use crate::services::{Asker, ParameterRequest, ParameterServices, Request, Services};
+
+/// How often it is looked whether something is due.
+const TICK: Duration = Duration::from_millis(50);
+const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
+/// The map's file is looked at so often where nobody wants it taken over.
+const LOOK_PERIOD: Duration = Duration::from_secs(5);
+/// An image of a place that was named has to come within this.
+const LESSON_PATIENCE: Duration = Duration::from_secs(5);
+/// What was learnt is written within this once the node shall end.
+const END_PATIENCE: Duration = Duration::from_millis(1_200);
+
+/// Levels of `rcl_interfaces/msg/Log`.
+const LOG_INFO: u8 = 20;
+const LOG_WARN: u8 = 30;
+const LOG_ERROR: u8 = 40;
+
+/// Whatever comes.
+enum Input {
+    Pixels(std::result::Result<Pixels, String>),
+    Clock(Option<Time>),
+    Asked(Asker, Request),
+    Parameters(ParameterRequest),
+    Status(DomainParticipantStatusEvent),
+    Report(Report),
+    Misunderstood(String),
+    Tick,
+}
+
+/// Everything that the node publishes.
+struct Publishers {
+    current: Publisher<Text>,
+    closest: Publisher<Text>,
+    closest_m: Publisher<Float32>,
+    edges: Publisher<ClosestEdges>,
+    localization: Publisher<Text>,
+    picture: Publisher<Image>,
+    diagnostics: Publisher<DiagnosticArray>,
+    log: Publisher<Log>,
+}
+
+/// The last value for those who come later, as LCAS `topological_navigation` publishes.
+fn latched() -> QosProfile {
+    QosProfile::publisher_default()
+        .reliability_reliable(WhenFull::Fail)
+        .durability(Durability::TransientLocal)
+        .history(History::KeepLast { depth: 1 })
+}
+
+/// A few values for those who are there.
+fn lively(depth: usize) -> QosProfile {
+    QosProfile::publisher_default()
+        .reliability_reliable(WhenFull::Fail)
+        .history(History::KeepLast { depth })
+}
+
+/// That of sensors, or a reliable one.
+fn of_images(is_reliable: bool) -> QosProfile {
+    let qos = QosProfile::subscription_default().history(History::KeepLast { depth: 5 });
+    if is_reliable {
+        qos.reliability_reliable(WhenFull::DEFAULT)
+    } else {
+        qos
+    }
+}
+
+/// The names of topics by what identifies their ends here.
+type Ends = BTreeMap<GUID, String>;
+
+/// Creates the ends of topics.
+struct Creator<'a> {
+    node: &'a mut Node,
+    names: &'a RosArguments,
+    ends: Ends,
+}
+
+impl Creator<'_> {
+    fn publisher<M: Serialize>(
+        &mut self,
+        name: &str,
+        kind: (&str, &str),
+        qos: &QosProfile,
+    ) -> Result<Publisher<M>> {
+        let full = self.names.resolve(name);
+        let kind = MessageTypeName::new(kind.0, kind.1);
+        let topic = self.node.create_topic(&Name::parse(&full)?, kind, qos)?;
+        let publisher = self.node.create_publisher(&topic, Some(qos.clone()))?;
+        self.ends.insert(publisher.guid(), full);
+        Ok(publisher)
+    }
+
+    fn subscription<M: 'static>(
+        &mut self,
+        name: &str,
+        kind: (&str, &str),
+        qos: &QosProfile,
+    ) -> Result<Subscription<M>> {
+        let full = self.names.resolve(name);
+        let kind = MessageTypeName::new(kind.0, kind.1);
+        let topic = self.node.create_topic(&Name::parse(&full)?, kind, qos)?;
+        let subscription = self.node.create_subscription(&topic, Some(qos.clone()))?;
+        self.ends.insert(subscription.guid(), full);
+        Ok(subscription)
+    }
+
+    fn publishers(&mut self, log: Publisher<Log>) -> Result<Publishers> {
+        let (text, latched) = (("std_msgs", "String"), latched());
+        Ok(Publishers {
+            current: self.publisher("current_node", text, &latched)?,
+            closest: self.publisher("closest_node", text, &latched)?,
+            closest_m: self.publisher(
+                "closest_node_distance",
+                ("std_msgs", "Float32"),
+                &latched,
+            )?,
+            edges: self.publisher(
+                "closest_edges",
+                ("topological_navigation_msgs", "ClosestEdges"),
+                &latched,
+            )?,
+            localization: self.publisher("~/localization", text, &lively(10))?,
+            picture: self.publisher("~/debug/image", ("sensor_msgs", "Image"), &lively(1))?,
+            diagnostics: self.publisher(
+                "/diagnostics",
+                ("diagnostic_msgs", "DiagnosticArray"),
+                &lively(10),
+            )?,
+            log,
+        })
+    }
+}
+
+/// Where images come from.
+enum Camera {
+    Raw(Subscription<Image>),
+    Encoded(Subscription<CompressedImage>),
+}
+
+impl Camera {
+    fn images(&self) -> LocalBoxStream<'_, Input> {
+        fn input<M>(
+            taken: ros2_client::ReadResult<(M, ros2_client::MessageInfo)>,
+            pixels: impl Fn(M) -> Pixels,
+        ) -> Input {
+            let taken = taken.map(|(message, _)| pixels(message));
+            Input::Pixels(taken.map_err(|cause| cause.to_string()))
+        }
+        match self {
+            Self::Raw(it) => it
+                .async_stream()
+                .map(|it| input(it, Pixels::Raw))
+                .boxed_local(),
+            Self::Encoded(it) => it
+                .async_stream()
+                .map(|it| input(it, Pixels::Encoded))
+                .boxed_local(),
+        }
+    }
+}
+
+/// Runs the node until it is interrupted.
+///
+/// Fails if the map cannot be opened, a name makes no sense or the network cannot be used.
+pub(crate) fn run(names: &RosArguments) -> Result<()> {
+    let settings = Settings::read(|name| names.parameter(name).cloned())?;
+    let robot = clerk::open(&settings.source)?;
+    let context = Context::from_domain_participant(participant()?.build()?)?;
+    let node_name = NodeName::new(&names.namespace, &names.node)
+        .map_err(|cause| anyhow!("`{}{}`: {cause}", names.namespace, names.node))?;
+    // Its own parameter services have descriptions.
+    let mut options = NodeOptions::new()
+        .enable_rosout(false)
+        .start_parameter_services(false);
+    for declared in PARAMETERS {
+        let value = names.parameter(declared.name).cloned();
+        let value = value.unwrap_or_else(|| declared.default_value());
+        options = options.declare_parameter(declared.name, value);
+    }
+    let mut node = context.new_node(node_name, options)?;
+    let log = node.create_publisher(&context.get_rosout_topic(), None)?;
+    let services = Services::create(&mut node, names)?;
+    let parameters = ParameterServices::create(&mut node, names)?;
+    let mut creator = Creator {
+        node: &mut node,
+        names,
+        ends: Ends::new(),
+    };
+    let publishers = creator.publishers(log)?;
+    let clock: Subscription<Clock> = creator.subscription(
+        "/clock",
+        ("rosgraph_msgs", "Clock"),
+        &QosProfile::subscription_default(),
+    )?;
+    let qos = of_images(settings.is_reliable);
+    let camera = if settings.is_compressed {
+        let kind = ("sensor_msgs", "CompressedImage");
+        Camera::Encoded(creator.subscription("image", kind, &qos)?)
+    } else {
+        Camera::Raw(creator.subscription("image", ("sensor_msgs", "Image"), &qos)?)
+    };
+    let ends = creator.ends;
+
+    let (reports, heard) = unbounded();
+    let mailbox = Mailbox::default();
+    let tasks = clerk::start(mailbox.clone(), reports.clone())?;
+    let retire = tasks.clone();
+    let engine = Engine::start(
+        robot,
+        settings.clone(),
+        names.resolve("image"),
+        mailbox.clone(),
+        reports,
+        Box::new(move |robot| {
+            // Without a clerk the node ends, and the robot commits as it goes.
+            let _ = retire.send(Task::Retire(robot));
+        }),
+    )?;
+    let full_name = node.fully_qualified_name();
+    let listener = context.domain_participant().status_listener();
+    let inputs = inputs(&camera, &clock, &services, &parameters, heard, &listener);
+    let mut running = Running {
+        health: Health::new(full_name.trim_start_matches('/')),
+        topic: names.resolve("image"),
+        picture_topic: names.resolve("~/debug/image"),
+        node: &node,
+        services: &services,
+        parameters: &parameters,
+        publishers: &publishers,
+        mailbox,
+        tasks,
+        ends,
+        settings,
+        said: None,
+        levels: BTreeMap::new(),
+        simulated: None,
+        due: Due::default(),
+        failures: VecDeque::new(),
+        end: None,
+        waiting: FuturesUnordered::new(),
+    };
+    running.begin();
+    futures::executor::block_on(running.follow(inputs));
+    if engine.join().is_err() {
+        return Err(anyhow!("the robot's thread has panicked"));
+    }
+    Ok(())
+}
+
+/// On which network and domain, as the environment says.
+fn participant() -> Result<DomainParticipantBuilder> {
+    let domain = match std::env::var("ROS_DOMAIN_ID") {
+        Ok(text) if !text.is_empty() => (text.parse::<u16>().ok())
+            .filter(|it| *it <= 232)
+            .with_context(|| format!("ROS_DOMAIN_ID is `{text}`, not a number from 0 to 232"))?,
+        _ => 0,
+    };
+    let builder = DomainParticipantBuilder::new(domain);
+    let is = |name: &str, value: &str| std::env::var(name).is_ok_and(|it| it == value);
+    let is_local =
+        is("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST") || is("ROS_LOCALHOST_ONLY", "1");
+    Ok(if is_local {
+        builder.with_only_networks([IpAddr::V4(Ipv4Addr::LOCALHOST)])
+    } else {
+        builder
+    })
+}
+
+/// Everything that comes, in the order in which it does.
+fn inputs<'a>(
+    camera: &'a Camera,
+    clock: &'a Subscription<Clock>,
+    services: &'a Services,
+    parameters: &'a ParameterServices,
+    heard: UnboundedReceiver<Report>,
+    listener: &'a ros2_client::dds::rustdds::DomainParticipantStatusListener,
+) -> LocalBoxStream<'a, Input> {
+    let misunderstood = |cause: ros2_client::ReadError| Input::Misunderstood(cause.to_string());
+    let (ticks, ticking) = unbounded();
+    std::thread::spawn(move || {
+        while ticks.unbounded_send(()).is_ok() {
+            std::thread::sleep(TICK);
+        }
+    });
+    futures::stream::select_all([
+        camera.images(),
+        (clock.async_stream())
+            .map(|it| Input::Clock(it.ok().and_then(|(clock, _)| clock.clock.time())))
+            .boxed_local(),
+        (services.requests())
+            .map(move |it| match it {
+                Ok((asker, request)) => Input::Asked(asker, request),
+                Err(cause) => misunderstood(cause),
+            })
+            .boxed_local(),
+        (parameters.requests())
+            .map(move |it| it.map_or_else(misunderstood, Input::Parameters))
+            .boxed_local(),
+        listener
+            .as_async_status_stream()
+            .map(Input::Status)
+            .boxed_local(),
+        heard.map(Input::Report).boxed_local(),
+        ticking.map(|()| Input::Tick).boxed_local(),
+    ])
+    .boxed_local()
+}
+
+/// When something was done last.
+#[derive(Default)]
+struct Due {
+    diagnostics: Option<Instant>,
+    look: Option<Instant>,
+    picture: Option<Instant>,
+}
+
+/// Whether a period has passed since `last`, which then begins anew.
+fn is_due(last: &mut Option<Instant>, period: Duration) -> bool {
+    let now = Instant::now();
+    let is_due = last.is_none_or(|last| now.duration_since(last) >= period);
+    if is_due {
+        *last = Some(now);
+    }
+    is_due
+}
+
+type Answering = LocalBoxFuture<'static, (Asker, Outcome)>;
+
+/// A node that runs.
+struct Running<'a> {
+    node: &'a Node,
+    services: &'a Services,
+    parameters: &'a ParameterServices,
+    publishers: &'a Publishers,
+    mailbox: Mailbox,
+    tasks: Sender<Task>,
+    ends: Ends,
+    settings: Settings,
+    health: Health,
+    topic: String,
+    picture_topic: String,
+    /// What planners were told last.
+    said: Option<PlannerView>,
+    /// The levels and messages that were logged last, by name.
+    levels: BTreeMap<String, (u8, String)>,
+    /// What the clock of a simulation says.
+    simulated: Option<Time>,
+    due: Due,
+    /// When images failed, of the last minute: not every one is logged.
+    failures: VecDeque<Instant>,
+    /// Until when the robot's thread may finish.
+    end: Option<Instant>,
+    waiting: FuturesUnordered<Answering>,
+}
+
+impl Running<'_> {
+    fn begin(&mut self) {
+        let begun = format!(
+            "{} waits for images on {}",
+            self.node.fully_qualified_name(),
+            self.topic
+        );
+        self.log(LOG_INFO, &begun);
+        self.say(&PlannerView::nowhere());
+    }
+
+    async fn follow(&mut self, inputs: LocalBoxStream<'_, Input>) {
+        let mut inputs = inputs.fuse();
+        loop {
+            futures::select! {
+                input = inputs.select_next_some() => {
+                    if self.take(input) {
+                        return;
+                    }
+                }
+                (asker, outcome) = self.waiting.select_next_some() => {
+                    if let Err(error) = self.services.answer(asker, outcome) {
+                        self.log(LOG_WARN, &format!("an answer could not be sent: {error}"));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Does what an input asks for; true if that was the end.
+    fn take(&mut self, input: Input) -> bool {
+        match input {
+            Input::Pixels(Ok(pixels)) => self.see(pixels),
+            Input::Pixels(Err(cause)) => {
+                self.fail(format!(
+                    "{}: it carries something else ({cause})",
+                    self.topic
+                ));
+            }
+            Input::Clock(time) => {
+                self.simulated = time;
+                self.health.last_clock = Some(Instant::now());
+            }
+            Input::Asked(asker, request) => self.serve(asker, request),
+            Input::Parameters(request) => match self.parameters.answer(self.node, request) {
+                Ok(true) => self.configure(),
+                Ok(false) => {}
+                Err(error) => {
+                    self.log(LOG_WARN, &format!("an answer could not be sent: {error}"));
+                }
+            },
+            Input::Status(event) => self.hear_of(event),
+            Input::Report(Report::Ended) => return true,
+            Input::Report(report) => self.hear(report),
+            Input::Misunderstood(cause) => {
+                self.log(LOG_WARN, &format!("a request cannot be read: {cause}"));
+            }
+            Input::Tick => return self.tick(),
+        }
+        false
+    }
+
+    fn now(&self) -> Time {
+        match self.simulated {
+            Some(time) if self.settings.uses_sim_time => time,
+            _ => Time::now(),
+        }
+    }
+
+    fn see(&mut self, pixels: Pixels) {
+        let received = Instant::now();
+        self.health
+            .count_image(received, pixels.header().stamp.time());
+        let simulated = self
+            .settings
+            .uses_sim_time
+            .then_some(self.simulated)
+            .flatten();
+        self.mailbox.see(Shot {
+            pixels,
+            received,
+            simulated,
+        });
+    }
+
+    /// An image cannot be used: told at once, and then seldom.
+    fn fail(&mut self, error: String) {
+        let now = Instant::now();
+        while (self.failures.front()).is_some_and(|it| now.duration_since(*it).as_secs() >= 60) {
+            self.failures.pop_front();
+        }
+        if self.failures.is_empty() {
+            self.log(LOG_ERROR, &error);
+        }
+        if self.failures.len() < 2 {
+            self.failures.push_back(now);
+        }
+        self.health.fail(error);
+    }
+
+    fn hear(&mut self, report: Report) {
+        match report {
+            Report::Answered(answered) => self.publish(*answered),
+            Report::Failed(error) => self.fail(error.to_string()),
+            Report::Warning(text) => self.log(LOG_WARN, &text),
+            Report::Info(text) => self.log(LOG_INFO, &text),
+            Report::Map(map) => {
+                let newer = self.health.map.newer;
+                self.health.map = map;
+                self.health.map.newer = newer;
+            }
+            Report::Newer(generation) => self.health.map.newer = Some(generation),
+            Report::Learning(state) => self.health.learning = state,
+            Report::Ended => {}
+        }
+    }
+
+    fn publish(&mut self, answered: Answered) {
+        self.health.count_answer(&answered, self.now());
+        // A camera that was lost while its last image was answered is lost.
+        if self.health.silence(Instant::now()) <= self.settings.camera_timeout {
+            self.say(&answered.view);
+        }
+        let text = Text {
+            data: answered.json,
+        };
+        self.sent(
+            "~/localization",
+            self.publishers.localization.publish(text).is_ok(),
+        );
+        if let Some(picture) = answered.picture {
+            self.sent(
+                "~/debug/image",
+                self.publishers.picture.publish(picture).is_ok(),
+            );
+        }
+    }
+
+    /// Tells planners what has changed.
+    fn say(&mut self, view: &PlannerView) {
+        let said = self.said.replace(view.clone());
+        let is_new = |differs: fn(&PlannerView, &PlannerView) -> bool| {
+            said.as_ref().is_none_or(|said| differs(said, view))
+        };
+        let text = |name: &str| Text {
+            data: name.to_owned(),
+        };
+        let out = self.publishers;
+        let mut is_sent = true;
+        if is_new(|a, b| a.current != b.current) {
+            is_sent &= out.current.publish(text(&view.current)).is_ok();
+        }
+        if is_new(|a, b| a.closest != b.closest) {
+            is_sent &= out.closest.publish(text(&view.closest)).is_ok();
+        }
+        // Not a number is like itself here.
+        if is_new(|a, b| a.closest_m.to_bits() != b.closest_m.to_bits()) {
+            let data = view.closest_m;
+            is_sent &= out.closest_m.publish(Float32 { data }).is_ok();
+        }
+        let bits = |view: &PlannerView| -> Vec<u32> {
+            view.edges_m.iter().map(|it| it.to_bits()).collect()
+        };
+        let is_same = |said: &PlannerView| said.edges == view.edges && bits(said) == bits(view);
+        if !said.as_ref().is_some_and(is_same) {
+            let edges = ClosestEdges {
+                edge_ids: view.edges.clone(),
+                distances: view.edges_m.clone(),
+            };
+            is_sent &= out.edges.publish(edges).is_ok();
+        }
+        self.sent("current_node", is_sent);
+    }
+
+    fn sent(&self, topic: &str, is_sent: bool) {
+        if !is_sent {
+            self.log(LOG_WARN, &format!("{topic}: a message could not be sent"));
+        }
+    }
+
+    /// Passes a request on to the thread that answers it.
+    fn serve(&mut self, asker: Asker, request: Request) {
+        let (reply, answered) = oneshot::channel();
+        let source = self.settings.source.clone();
+        match request {
+            Request::Commit => self.mailbox.tell(Command::Commit(reply)),
+            Request::PauseLearning(is_paused) => self.pause(is_paused, reply),
+            Request::SetPlace(name) => match PlaceKey::written(&name) {
+                Ok(place) => self.mailbox.tell(Command::Teach {
+                    place,
+                    until: Instant::now() + LESSON_PATIENCE,
+                    reply,
+                }),
+                Err(error) => crate::engine::answer(Some(reply), Err(error.to_string())),
+            },
+            Request::ReloadMap => self.give(Task::Open(source, Some(reply))),
+            Request::ListVisits => self.give(Task::Held(source.map, reply)),
+            Request::AcceptVisits(ids) => self.give(Task::Accept(source, ids, reply)),
+            Request::DropVisits(ids) => self.give(Task::Drop(source, ids, reply)),
+        }
+        self.waiting.push(Box::pin(async move {
+            let gone = || Err("the node ends".to_owned());
+            (
+                asker,
+                Outcome::from(answered.await.unwrap_or_else(|_| gone())),
+            )
+        }));
+    }
+
+    fn give(&self, task: Task) {
+        // A clerk that is gone drops what it was told, and whoever waits hears of it.
+        let _ = self.tasks.send(task);
+    }
+
+    fn pause(&mut self, is_paused: bool, reply: Reply) {
+        let value = ros2_client::ParameterValue::Boolean(!is_paused);
+        let done = self.node.set_parameter(LEARNING, value);
+        self.configure();
+        let is_on = !is_paused && self.settings.source.learns;
+        let words = match (is_paused, is_on) {
+            (true, _) => "learning is paused",
+            (false, true) => "learning goes on",
+            (false, false) => "not paused; nothing is learnt, as learn is false",
+        };
+        crate::engine::answer(Some(reply), done.map(|()| words.to_owned()));
+    }
+
+    /// Applies parameters that have changed.
+    fn configure(&mut self) {
+        let settings = match Settings::read(|name| self.node.get_parameter(name)) {
+            Ok(settings) if settings != self.settings => settings,
+            Ok(_) => return,
+            Err(error) => {
+                self.log(LOG_ERROR, &error.to_string());
+                return;
+            }
+        };
+        let before = std::mem::replace(&mut self.settings, settings);
+        (self.mailbox).tell(Command::Configure(Box::new(self.settings.clone())));
+        if before.source != self.settings.source {
+            self.health.map.newer = None;
+            self.give(Task::Open(self.settings.source.clone(), None));
+        }
+    }
+
+    /// Keeps count of whom the node cannot hear or be heard by.
+    fn hear_of(&mut self, event: DomainParticipantStatusEvent) {
+        use DomainParticipantStatusEvent as Event;
+        let (end, other, why) = match event {
+            Event::RemoteWriterQosIncompatible {
+                local_reader,
+                remote_writer,
+                requested_qos,
+                offered_qos,
+            } => {
+                let why = difference(&requested_qos, &offered_qos);
+                (
+                    local_reader,
+                    remote_writer,
+                    format!("a publisher offers {why}"),
+                )
+            }
+            Event::RemoteReaderQosIncompatible {
+                local_writer,
+                remote_reader,
+                requested_qos,
+                offered_qos,
+            } => {
+                let why = difference(&requested_qos, &offered_qos);
+                (
+                    local_writer,
+                    remote_reader,
+                    format!("a subscriber gets {why}"),
+                )
+            }
+            Event::ReaderLost { guid, .. } | Event::WriterLost { guid, .. } => {
+                self.health.mismatches.remove(&format!("{guid:?}"));
+                return;
+            }
+            _ => return,
+        };
+        if let Some(topic) = self.ends.get(&end) {
+            let text = format!("{topic}: no QoS in common: {why}");
+            self.health.mismatches.insert(format!("{other:?}"), text);
+        }
+    }
+
+    /// Does what is due; true at the end.
+    fn tick(&mut self) -> bool {
+        let now = Instant::now();
+        if let Some(end) = self.end {
+            return now > end;
+        }
+        if interrupt::is_requested() {
+            self.end = Some(now + END_PATIENCE);
+            self.mailbox.tell(Command::End);
+            return false;
+        }
+        if self.health.silence(now) > self.settings.camera_timeout {
+            self.say(&PlannerView::nowhere());
+        }
+        let rate_hz = self.settings.debug_rate_hz;
+        if rate_hz > 0.0
+            && self.node.subscription_count(&self.picture_topic) > 0
+            && is_due(
+                &mut self.due.picture,
+                Duration::from_secs_f64(1.0 / rate_hz),
+            )
+        {
+            self.mailbox.want_picture();
+        }
+        let period = self.settings.watch_map.unwrap_or(LOOK_PERIOD);
+        if !self.settings.source.learns && is_due(&mut self.due.look, period) {
+            self.give(Task::Look {
+                source: self.settings.source.clone(),
+                generation: self.health.map.generation,
+                opens: self.settings.watch_map.is_some(),
+            });
+        }
+        if is_due(&mut self.due.diagnostics, DIAGNOSTICS_PERIOD) {
+            self.diagnose();
+        }
+        false
+    }
+
+    /// Publishes the diagnostics, and logs what has changed in them.
+    fn diagnose(&mut self) {
+        let array = self.health.array(&self.settings, self.now());
+        for status in &array.status {
+            let said = self.levels.get(&status.name);
+            if said.map_or(OK, |it| it.0) != status.level {
+                let level = match status.level {
+                    OK => LOG_INFO,
+                    ERROR => LOG_ERROR,
+                    _ => LOG_WARN,
+                };
+                self.log(level, &format!("{}: {}", status.name, status.message));
+            }
+            let known = (status.level, status.message.clone());
+            self.levels.insert(status.name.clone(), known);
+        }
+        self.sent(
+            "/diagnostics",
+            self.publishers.diagnostics.publish(array).is_ok(),
+        );
+    }
+
+    /// Says something to people: on stderr and on `/rosout`.
+    fn log(&self, level: u8, text: &str) {
+        note!("{text}");
+        let log = Log {
+            stamp: ros2_client::builtin_interfaces::Time::now(),
+            level,
+            name: self
+                .node
+                .fully_qualified_name()
+                .trim_start_matches('/')
+                .replace('/', "."),
+            msg: printable(text).to_string(),
+            file: String::new(),
+            function: String::new(),
+            line: 0,
+        };
+        // Whoever listens to it misses a line; it stands on stderr.
+        let _ = self.publishers.log.publish(log);
+    }
+}
+
+/// What one side wants and the other has not.
+fn difference(requested: &QosPolicies, offered: &QosPolicies) -> String {
+    use ros2_client::dds::rustdds::policy::{Durability as Kept, Reliability as Sent};
+    let mut words = Vec::new();
+    let is_reliable = |qos: &QosPolicies| matches!(qos.reliability(), Some(Sent::Reliable { .. }));
+    if is_reliable(requested) && !is_reliable(offered) {
+        words.push("best_effort, but reliable is wanted".to_owned());
+    }
+    let is_kept = |qos: &QosPolicies| !matches!(qos.durability(), None | Some(Kept::Volatile));
+    if is_kept(requested) && !is_kept(offered) {
+        words.push("volatile, but transient_local is wanted".to_owned());
+    }
+    if words.is_empty() {
+        words.push("another deadline, liveliness, order or partition than is wanted".to_owned());
+    }
+    words.join(", and ")
+}

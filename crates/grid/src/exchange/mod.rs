@@ -18,5 +18,5 @@ pub use index::{IndexEntry, read_index};
 pub use map_server::{MapServerMap, UNKNOWN};
 pub use mode::MapMode;
 pub use octomap::{read_octomap, write_octomap};
-pub use place::{common_spec, patch_of};
+pub use place::{common_spec, patch_of, patch_of_occupancy};
 pub use points::{MapPoint, map_of_points, read_points, write_points};

@@ -47,7 +47,8 @@ pub fn read_octomap(path: impl AsRef<Path>) -> Result<OccupancyMap> {
     parse(&bytes).map_err(|error| error.with_path(path))
 }
 
-/// Writes the most likely states of a 3-D map as an `OctoMap` tree, in place of an earlier one.
+/// Writes the most likely states of a 3-D map as an `OctoMap` tree, in place of an earlier one that is
+/// none of `inputs`.
 ///
 /// # Errors
 /// [`ErrorKind::Shape`] where the map is 2-D, its voxels do not lie on the raster of a tree, whose
@@ -56,10 +57,11 @@ pub fn write_octomap(
     map: &OccupancyMap,
     thresholds: Thresholds,
     path: impl AsRef<Path>,
+    inputs: &[&Path],
 ) -> Result<()> {
     let path = path.as_ref();
     let bytes = encode(map, thresholds).map_err(|error| error.with_path(path))?;
-    let mut file = OutputFile::replace(path, KIND, &[])?;
+    let mut file = OutputFile::replace(path, KIND, inputs)?;
     file.write_all(&bytes)
         .map_err(|cause| Error::io(path, cause))?;
     file.finish()

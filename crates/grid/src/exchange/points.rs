@@ -86,11 +86,17 @@ pub fn map_of_points(points: &[MapPoint], resolution_m: f64) -> Result<Occupancy
 }
 
 /// Writes the centres of all voxels of at least probability `least` as PLY (ASCII) or, by any other
-/// name than `*.ply`, as CSV, each with its probability; in place of an earlier list.
+/// name than `*.ply`, as CSV, each with its probability; in place of an earlier list
+/// that is none of `inputs`.
 ///
 /// # Errors
 /// As [`OutputFile::replace`].
-pub fn write_points(map: &OccupancyMap, least: f32, path: impl AsRef<Path>) -> Result<()> {
+pub fn write_points(
+    map: &OccupancyMap,
+    least: f32,
+    path: impl AsRef<Path>,
+    inputs: &[&Path],
+) -> Result<()> {
     let path = path.as_ref();
     let spec = map.spec();
     let mut rows = String::new();
@@ -116,7 +122,7 @@ pub fn write_points(map: &OccupancyMap, least: f32, path: impl AsRef<Path>) -> R
     } else {
         (CSV, format!("{CSV_HEADER}\n"))
     };
-    let mut file = OutputFile::replace(path, kind, &[])?;
+    let mut file = OutputFile::replace(path, kind, inputs)?;
     for part in [head, rows] {
         file.write_all(part.as_bytes())
             .map_err(|cause| Error::io(path, cause))?;
@@ -421,15 +427,15 @@ mod tests {
         for name in ["map.ply", "map.csv"] {
             let path = dir.path().join(name);
             // In place of itself, too.
-            write_points(&map, 0.0, &path)?;
-            write_points(&map, 0.0, &path)?;
+            write_points(&map, 0.0, &path, &[])?;
+            write_points(&map, 0.0, &path, &[])?;
             let back = map_of_points(&read_points(&path)?, 0.2)?;
             for index in 0..spec.num_cells() {
                 let center = spec.center(spec.cell(index));
                 let found = back.spec().cell_at(center).map(|it| back.spec().index(it));
                 assert_eq!(found.and_then(|it| back.get(it)), map.get(index), "{name}");
             }
-            write_points(&map, 0.5, &path)?;
+            write_points(&map, 0.5, &path, &[])?;
             assert!(read_points(&path)?.iter().all(|it| it.p == 0.875));
         }
         assert!(map_of_points(&[], 0.2).is_err());

@@ -244,7 +244,7 @@ fn trees_that_octomap_itself_has_written_are_read_and_written_again_byte_by_byte
     assert_eq!(known, voxels.len());
     let dir = folder();
     let path = dir.path().join("again.bt");
-    write_octomap(&map, Thresholds::default(), &path).unwrap();
+    write_octomap(&map, Thresholds::default(), &path, &[]).unwrap();
     assert_eq!(
         fs::read(&path).unwrap(),
         fs::read(golden.join("octomap.bt")).unwrap()
@@ -258,8 +258,8 @@ fn a_tree_does_not_replace_another_file() {
     fs::write(&path, "mine").unwrap();
     let spec = GridSpec::new_3d([0.0; 3], 0.5, [2, 2, 2]).unwrap();
     let map = OccupancyMap::new_unknown(spec);
-    assert!(write_octomap(&map, Thresholds::default(), &path).is_err());
-    assert!(write_points(&map, 0.5, &path).is_err());
+    assert!(write_octomap(&map, Thresholds::default(), &path, &[]).is_err());
+    assert!(write_points(&map, 0.5, &path, &[]).is_err());
     assert_eq!(fs::read(&path).unwrap(), b"mine");
     assert!(read_octomap(&path).is_err());
     assert!(read_points(&path).is_err());

@@ -479,9 +479,7 @@ impl FittedGrid<'_> {
 
     /// The period in seconds and the amplitude of a cell's strongest rhythm; none where it has none.
     pub fn strongest_rhythm(&self, cell: [u32; 3]) -> Option<(f64, f64)> {
-        let Some(candidates) = self.grid.config.model().candidates() else {
-            return None;
-        };
+        let candidates = self.grid.config.model().candidates()?;
         let (key, at) = self.grid.history.tiling().locate(cell);
         let slot = self
             .grid

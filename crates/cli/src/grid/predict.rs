@@ -39,7 +39,7 @@ pub(crate) struct PredictArgs {
     /// When, in RFC 3339 with an offset.
     #[arg(long)]
     time: Time,
-    /// The map to write: `*.yaml` with its picture beside it, of a 3-D grid `*.bt` (an OctoMap tree),
+    /// The map to write: `*.yaml` with its picture beside it, of a 3-D grid `*.bt` (an octree),
     /// or a list of the centres of occupied cells with their probabilities, `*.ply` or `*.csv`.
     #[arg(long, value_name = "MAP")]
     out: Option<PathBuf>,

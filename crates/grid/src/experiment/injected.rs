@@ -130,6 +130,11 @@ pub struct InjectedReport {
     pub pictures: Vec<(String, Vec<u8>)>,
 }
 
+/// What the guard saw of a map: the disagreement, the limit, whether boxes were put in.
+type Seen = (f64, f64, bool);
+/// With their titles.
+type Pictures = Vec<(String, Vec<u8>)>;
+
 /// Side of a box.
 const BOX_M: f64 = 0.7;
 /// Hours between patrols.
@@ -288,7 +293,7 @@ impl<'a> Site<'a> {
         &self,
         num_boxes: usize,
         pictures: &mut Vec<(String, Vec<u8>)>,
-    ) -> Result<(Sudden, Vec<(f64, f64, bool)>)> {
+    ) -> Result<(Sudden, Vec<Seen>)> {
         let mut watch = Watch::new(self);
         let mut random = self.random(num_boxes as u64);
         let mut found = Sudden {
@@ -366,7 +371,7 @@ impl<'a> Site<'a> {
     }
 
     /// Boxes of every day, from the first patrol on; the last two days are foreseen.
-    fn daily(&self) -> Result<(Daily, Vec<(String, Vec<u8>)>)> {
+    fn daily(&self) -> Result<(Daily, Pictures)> {
         let boxes = self.boxes(self.config.num_daily, &mut self.random(2_000));
         let (mut watch, nothing) = (Watch::new(self), Scene::default());
         let mut surfaces = std::collections::BTreeSet::new();

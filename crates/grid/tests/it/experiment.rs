@@ -4,7 +4,7 @@ use fremen_grid::experiment::{
     BoxesConfig, CarmenConfig, Corruption, InjectedConfig, JourneysConfig, PassesConfig,
     QuarantineConfig, boxes, carmen, injected, journeys, passes, quarantine,
 };
-use fremen_grid::pose::Pose2;
+use fremen_grid::pose::{Pose2, wrap};
 use fremen_grid::random::Random;
 use fremen_grid::registration::GuardConfig;
 use fremen_grid::scan::{CarmenLog, CarmenScan, read_carmen};
@@ -156,7 +156,7 @@ fn room() -> Result<CarmenLog> {
     let mut random = Random::stream(3, &[7]);
     let scans = (0..720).map(|number| {
         let (sin, cos) = (std::f64::consts::TAU * f64::from(number) / 120.0).sin_cos();
-        let heading = (0.4 * f64::from(number)).rem_euclid(6.28) - 3.14;
+        let heading = wrap(0.4 * f64::from(number));
         let pose = Pose2::new(6.0 + 2.2 * cos, 4.0 + 1.6 * sin, heading);
         Ok(CarmenScan {
             time: Time::from_s(i64::from(number)),

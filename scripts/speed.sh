@@ -1,5 +1,5 @@
 #!/bin/sh
-# One table of speeds: ours, OpenCV, hnsw_rs and, where it can be installed, FAISS, in one run.
+# One table of speeds: ours, OpenCV, hnsw_rs and, where they can be installed, FAISS and OctoMap, in one run.
 #
 # Usage: scripts/speed.sh [ARGUMENTS OF chronotope-eval speed]
 # Builds in release mode and installs OpenCV (with contrib) and FAISS from PyPI in a throw-away environment;
@@ -36,4 +36,13 @@ fi
 # shellcheck disable=SC2086 # none or two words
 cargo build --release --locked -p chronotope-eval $features || exit 2
 target=${CARGO_TARGET_DIR:-target}
-"$target/release/chronotope-eval" speed ${python:+--python "$python"} "$@"
+"$target/release/chronotope-eval" speed ${python:+--python "$python"} "$@" || exit
+
+# Grids: OctoMap takes in the same frames.
+if command -v g++ >/dev/null && printf '#include <octomap/octomap.h>\n' | g++ -fsyntax-only -x c++ - 2>/dev/null; then
+    if g++ -O2 scripts/octomap_rate.cpp -o "$environment/octomap_rate" -loctomap -loctomath; then
+        "$environment/octomap_rate"
+    fi
+else
+    say "no OctoMap: its rate is not measured (apt-get install liboctomap-dev g++)"
+fi

@@ -66,6 +66,20 @@ pub fn contradictions_png(
 /// # Errors
 /// What the encoder says.
 pub fn rhythms_png(fitted: &FittedGrid<'_>, spec: &GridSpec, time: Time) -> Result<Vec<u8>> {
+    rhythms_png_between(fitted, spec, time, [1_800.0, 604_800.0])
+}
+
+/// As [`rhythms_png`], with hues from violet for periods of `ends_s[0]` seconds and less to red for
+/// those of `ends_s[1]` and more.
+///
+/// # Errors
+/// What the encoder says.
+pub fn rhythms_png_between(
+    fitted: &FittedGrid<'_>,
+    spec: &GridSpec,
+    time: Time,
+    ends_s: [f64; 2],
+) -> Result<Vec<u8>> {
     let mut map = OccupancyMap::new_unknown(*spec);
     fitted.predict_into(time, &mut map)?;
     png(spec, |x, y| {
@@ -83,15 +97,14 @@ pub fn rhythms_png(fitted: &FittedGrid<'_>, spec: &GridSpec, time: Time) -> Resu
         match (most, strongest) {
             (None, _) => UNKNOWN,
             (Some(p), (_, 0.0)) => [255 - (p * 200.0) as u8; 3],
-            (_, (period_s, amplitude)) => colour_of(period_s, amplitude),
+            (_, (period_s, amplitude)) => colour_of(period_s, amplitude, ends_s),
         }
     })
 }
 
-/// A hue by the logarithm of the period, from red (a week) to violet (half an hour).
-fn colour_of(period_s: f64, amplitude: f64) -> [u8; 3] {
-    let (week, half_hour) = (604_800.0_f64, 1_800.0_f64);
-    let position = (week / period_s).ln() / (week / half_hour).ln();
+/// A hue by the logarithm of the period, from red (the longest) to violet (the shortest).
+fn colour_of(period_s: f64, amplitude: f64, [shortest_s, longest_s]: [f64; 2]) -> [u8; 3] {
+    let position = (longest_s / period_s).ln() / (longest_s / shortest_s).ln();
     let hue = 6.0 * 0.8 * position.clamp(0.0, 1.0);
     let depth = (0.25 + 1.5 * amplitude).min(1.0);
     let channel = |shift: f64| {
@@ -124,6 +137,8 @@ mod tests {
 
     #[test]
     fn periods_have_colours_from_red_to_violet() {
+        let ends_s = [1_800.0, 604_800.0];
+        let colour_of = |period_s, amplitude| colour_of(period_s, amplitude, ends_s);
         assert_eq!(colour_of(604_800.0, 1.0), [255, 0, 0]);
         let [red, green, _] = colour_of(86_400.0, 1.0);
         assert!(green == 255 && red > 0, "a day is yellow-green");

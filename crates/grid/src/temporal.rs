@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::cells::{CellState, GridSpec, OccupancyMap, Patch};
 use crate::history::{Forgotten, FrameStream, History, Memory, Verdict};
-use crate::model::{CellModel, Errors, GridConfig, Moment, Stats, TileModel, errors, fit};
+use crate::model::{Errors, GridConfig, Moment, Stats, TileModel, errors, errors_by_day, fit};
 use crate::tiles::MAX_TILE_CELLS;
 
 /// A grid that remembers when each cell was free and when occupied, and predicts the occupancy of
@@ -88,10 +88,10 @@ impl TemporalGrid {
 
     /// Predicts otherwise from now on; nothing that was observed is lost.
     pub fn set_config(&mut self, config: GridConfig) {
-        if config != self.config {
-            self.config = config;
+        if !config.is_fitted_as(&self.config) {
             self.is_stale.clear();
         }
+        self.config = config;
     }
 
     /// What the history costs in memory.
@@ -461,7 +461,7 @@ impl FittedGrid<'_> {
                 explanation.periodic = periodic.into();
                 explanation.persistence = persistence.into();
             }
-            if let CellModel::Fremen { candidates, .. } = self.grid.config.model() {
+            if let Some(candidates) = self.grid.config.model().candidates() {
                 let rhythm = |cos: f32, sin: f32, k: u16| Component {
                     period_s: candidates.period_s(k.into()),
                     amplitude: f64::from(cos).hypot(sin.into()),
@@ -479,9 +479,7 @@ impl FittedGrid<'_> {
 
     /// The period in seconds and the amplitude of a cell's strongest rhythm; none where it has none.
     pub fn strongest_rhythm(&self, cell: [u32; 3]) -> Option<(f64, f64)> {
-        let CellModel::Fremen { candidates, .. } = self.grid.config.model() else {
-            return None;
-        };
+        let candidates = self.grid.config.model().candidates()?;
         let (key, at) = self.grid.history.tiling().locate(cell);
         let slot = self
             .grid
@@ -524,6 +522,17 @@ impl FittedGrid<'_> {
             ..
         } = self.grid;
         errors(history, config, models, stride.max(1))
+    }
+
+    /// The same of each day since the first observation.
+    pub fn errors_by_day(&self, stride: usize) -> Vec<Errors> {
+        let TemporalGrid {
+            history,
+            config,
+            models,
+            ..
+        } = self.grid;
+        errors_by_day(history, config, models, stride.max(1))
     }
 
     /// Cells that were seen both free and occupied.

@@ -4,7 +4,7 @@ use anyhow::Result;
 use fremen_grid::experiment::{OfficeConfig, OfficeReport, office};
 
 use super::process::{cpu_s, peak_bytes};
-use super::results::{Cell, GridResults, GridTable};
+use super::results::{Cell, Curve, GridResults, GridTable, Picture, Plot};
 use crate::progress::Progress;
 
 /// What a static map gets wrong, and what the best model of the paper may at most.
@@ -35,7 +35,71 @@ pub(super) fn run(seeds: &[u64], results: &mut GridResults) -> Result<()> {
     size(&reports, results);
     models(&reports, results);
     targets(&reports, results);
+    draw(reports, results);
     Ok(())
+}
+
+/// The models that are drawn day by day.
+const DRAWN: [&str; 5] = [
+    "static (mean)",
+    "FreMEn day/1..24, order 2",
+    "FreMEn week/1..168, order 2",
+    "FreMEn week/1..168, order 5",
+    "histogram, hours of a week",
+];
+
+/// The error day by day, and the predicted day after of the first office.
+fn draw(reports: Vec<(u64, OfficeReport)>, results: &mut GridResults) {
+    let Some((seed, report)) = reports.into_iter().next() else {
+        return;
+    };
+    let drawn = report
+        .models
+        .iter()
+        .filter(|model| DRAWN.contains(&&*model.name));
+    results.plots.push(Plot {
+        title: format!("How wrong is each model, day by day? Office {seed}"),
+        axes: ["day".into(), "wrong, %".into()],
+        curves: drawn
+            .map(|model| Curve {
+                name: model.name.clone(),
+                points: (model.by_day.iter().enumerate())
+                    .map(|(day, error)| (day as f64, 100.0 * error))
+                    .collect(),
+            })
+            .collect(),
+    });
+    let curve = |base: &str| {
+        let of_base = report.models.iter().filter(|it| it.name.contains(base));
+        let orders = (1..).zip(of_base.filter(|it| it.name.starts_with("FreMEn")));
+        Curve {
+            name: format!("periods of a {base}"),
+            points: orders
+                .map(|(order, it)| (f64::from(order), 100.0 * it.error / it.static_error))
+                .collect(),
+        }
+    };
+    results.plots.push(Plot {
+        title: "What does each rhythm more bring?".into(),
+        axes: ["order".into(), "of the static error, %".into()],
+        curves: vec![curve("day"), curve("week")],
+    });
+    let mut pictures = report.pictures;
+    let rhythms = pictures.pop();
+    let picture = |(title, png): (String, Vec<u8>)| Picture { title, png };
+    results.pictures.push((
+        "What is predicted for the day after sixteen weeks?".into(),
+        format!(
+            "Office {seed} from above on a Monday, each pixel the most occupied voxel of its column; by \
+             the periods of a week, order 5. White is free, black occupied"
+        ),
+        pictures.into_iter().map(picture).collect(),
+    ));
+    results.pictures.push((
+        "Which rhythm has which cell?".into(),
+        super::patrol::DAYS_IN_COLOURS.into(),
+        rhythms.into_iter().map(picture).collect(),
+    ));
 }
 
 fn size(reports: &[(u64, OfficeReport)], results: &mut GridResults) {

@@ -18,6 +18,9 @@ const PREDICTED: usize = 3;
 const ORACLE: usize = 4;
 /// The patrol from which on furniture stands elsewhere, where it is moved.
 const MOVED_AT: usize = 40;
+/// What colours of rhythms mean.
+pub(super) const DAYS_IN_COLOURS: &str = "A week is red, a day yellow to green, an hour blue; deeper \
+    colours are stronger rhythms; grey is what never changes";
 /// Side of a cell of the pictures, in metres.
 const PICTURE_M: f64 = 0.05;
 
@@ -230,6 +233,20 @@ fn draw_guard(report: &QuarantineReport, results: &mut GridResults) {
     if let Some(office) = report.offices.first() {
         results.plots.push(evidence(office));
     }
+    let pictures = report.offices.iter().filter_map(|it| {
+        let (title, png) = it.evidence.clone()?;
+        Some(Picture {
+            title: format!("office {}, {title}", it.seed),
+            png,
+        })
+    });
+    results.pictures.push((
+        "What speaks against a map in quarantine?".into(),
+        "The last quarantined map of each of four offices. Red surfaces were not predicted, blue ones \
+         were predicted and are not there; blue-grey was not seen"
+            .into(),
+        pictures.take(4).collect(),
+    ));
 }
 
 /// What the guard saw in one office: each map, its limit, and which of them were corrupted.
@@ -376,21 +393,14 @@ fn ways(offices: &[[JourneyCounts; 5]], results: &mut GridResults) {
 
 fn draw(seed: u64, results: &mut GridResults) -> Result<()> {
     let gallery = gallery(seed, Layout::Paper, PICTURE_M)?;
-    let picture = |(title, png): (String, Vec<u8>)| Picture { title, png };
-    results.pictures.push((
-        "What is predicted for a day that nobody has seen?".into(),
-        format!(
+    results.gallery(
+        "What is predicted for a day that nobody has seen?",
+        &format!(
             "Office {seed}, learnt from two weeks of patrols every two hours; the second Tuesday after. \
              White is free, black occupied, blue-grey was never seen; the truth knows the whole office"
         ),
-        gallery.hours.into_iter().flatten().map(picture).collect(),
-    ));
-    results.pictures.push((
-        "Which rhythm has which cell?".into(),
-        "A week is red, a day green, an hour blue; deeper colours are stronger rhythms; grey is what \
-         never changes"
-            .into(),
-        vec![picture(gallery.rhythms)],
-    ));
+        DAYS_IN_COLOURS,
+        gallery,
+    );
     Ok(())
 }

@@ -3,10 +3,12 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use fremen_grid::experiment::{Detections, PresenceConfig, presence};
+use fremen_grid::experiment::{
+    Detections, PresenceConfig, PresenceResult, presence, presence_gallery,
+};
 
 use super::recordings::recordings;
-use super::results::{Cell, GridResults, GridTable};
+use super::results::{Cell, Curve, GridResults, GridTable, Plot};
 
 pub(super) fn run(folder: &Path, results: &mut GridResults) -> Result<()> {
     let names = recordings(folder, "txt")?;
@@ -51,6 +53,54 @@ pub(super) fn run(folder: &Path, results: &mut GridResults) -> Result<()> {
             );
         }
         results.tables.push(table);
+        plots(name, &found, results);
     }
+    let other = Detections::read(folder.join(&predicted[0]))?;
+    let gallery = presence_gallery(&day, &other, &PresenceConfig::default())?;
+    results.gallery(
+        "Where are people expected, and where were they?",
+        &format!(
+            "{}, learnt from {learnt}, by FreMEn of order 2; hours are counted from the beginning of the \
+             recording. The darker, the more slots of a minute with somebody in the cell",
+            predicted[0]
+        ),
+        super::patrol::DAYS_IN_COLOURS,
+        gallery,
+    );
     Ok(())
+}
+
+/// How many cells are expected to be occupied, hour by hour, and how wrong that is.
+fn plots(name: &str, found: &[PresenceResult], results: &mut GridResults) {
+    let drawn = ["mean", "histogram, 24 h", "FreMEn, order 2"];
+    let of = |number: usize| {
+        let models = found.iter().filter(|it| drawn.contains(&it.name));
+        models.map(move |it| Curve {
+            name: it.name.to_owned(),
+            points: hours(it.by_hour.iter().map(|hour| hour[number])),
+        })
+    };
+    let mut expected: Vec<Curve> = of(0).collect();
+    if let Some(first) = found.first() {
+        expected.push(Curve {
+            name: "seen".to_owned(),
+            points: hours(first.seen_by_hour.iter().copied()),
+        });
+    }
+    let hour = "hour of the recording".to_owned();
+    results.plots.push(Plot {
+        title: format!("How much is going on? {name}"),
+        axes: [hour.clone(), "occupied cells".into()],
+        curves: expected,
+    });
+    results.plots.push(Plot {
+        title: format!("How wrong is that, hour by hour? {name}"),
+        axes: [hour, "Brier score".into()],
+        curves: of(1).collect(),
+    });
+}
+
+fn hours(values: impl Iterator<Item = f64>) -> Vec<(f64, f64)> {
+    let numbered = values.enumerate();
+    numbered.map(|(hour, it)| (hour as f64 + 0.5, it)).collect()
 }

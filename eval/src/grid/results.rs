@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Result;
+use fremen_grid::experiment::Gallery;
 use serde::Serialize;
 
 use crate::judge::statistics::{Estimate, Sample, wilson};
@@ -234,6 +235,21 @@ impl GridResults {
             measured,
             is_met,
         });
+    }
+
+    /// Hours of a day beside the truth, and below them the rhythms of the cells.
+    pub(super) fn gallery(&mut self, title: &str, hint: &str, colours: &str, gallery: Gallery) {
+        let picture = |(title, png): (String, Vec<u8>)| Picture { title, png };
+        self.pictures.push((
+            title.to_owned(),
+            hint.to_owned(),
+            gallery.hours.into_iter().flatten().map(picture).collect(),
+        ));
+        self.pictures.push((
+            "Which rhythm has which cell?".into(),
+            colours.to_owned(),
+            vec![picture(gallery.rhythms)],
+        ));
     }
 
     /// Writes the file.

@@ -1,6 +1,6 @@
 //! How do maps come into a grid?
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::Args;
@@ -11,22 +11,26 @@ use super::model::ModelArgs;
 use super::quarantine;
 use chronotope_terminal::{Outcome, Output};
 use fremen::{Error, ErrorKind, Time};
-use fremen_grid::exchange::{IndexEntry, MapServerMap, common_spec, patch_of, read_index};
+use fremen_grid::exchange::{
+    IndexEntry, MapServerMap, common_spec, map_of_points, patch_of_occupancy, read_index,
+    read_octomap, read_points,
+};
 use fremen_grid::file::Access;
 use fremen_grid::lifelong::{LifelongGrid, MapId, TakenIn};
 use fremen_grid::registration::{GuardConfig, Quarantined};
-use fremen_grid::{GridFile, History, Thresholds};
+use fremen_grid::{GridFile, History, OccupancyMap, Thresholds};
 
 /// Make a grid of maps that were made at known times.
 ///
-/// The maps are those of ROS's `map_server`: a YAML file with a PGM or PNG picture beside it. They
-/// must be on one raster, with one resolution and origins that differ by whole cells. The grid
-/// covers them all.
+/// The maps are those of ROS's `map_server`: a YAML file with a PGM or PNG picture beside it; or in 3-D
+/// `OctoMap` trees (`*.bt`) and lists of points (`*.ply`, `*.csv`, with --resolution). They must be on
+/// one raster, with one resolution and origins that differ by whole cells. The grid covers them all.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   chronotope grid build --maps patrols/ --out office.grid
-  chronotope grid build --map a.yaml --time 2024-05-06T10:00:00Z --out office.grid")]
+  chronotope grid build --map a.yaml --time 2024-05-06T10:00:00Z --out office.grid
+  chronotope grid build --map a.bt --time 2024-05-06T10:00:00Z --out hall.grid")]
 pub(crate) struct BuildArgs {
     #[command(flatten)]
     maps: MapArgs,
@@ -40,7 +44,7 @@ pub(crate) struct BuildArgs {
 /// Each is laid onto the map that the grid predicts for its time. One that contradicts it more than
 /// usual is not added but kept in quarantine, and the exit code is 1; `grid quarantine` shows such
 /// maps, accepts or drops them. A map that was added before, by its time and observer, is known and
-/// changes nothing.
+/// changes nothing. Maps of a 3-D grid are not judged: they need --trust.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -81,11 +85,11 @@ pub(crate) struct MergeArgs {
 /// Which maps, made when.
 #[derive(Debug, Args)]
 struct MapArgs {
-    /// A folder with `index.csv`: columns time, path (of a YAML file in it), perhaps observer.
+    /// A folder with `index.csv`: columns time, path (of a map in it), perhaps observer.
     #[arg(long, value_name = "FOLDER", required_unless_present = "map")]
     maps: Option<PathBuf>,
-    /// One map's YAML file.
-    #[arg(long, value_name = "YAML", requires = "time", conflicts_with = "maps")]
+    /// One map: `*.yaml`, `*.bt`, `*.ply` or `*.csv`.
+    #[arg(long, value_name = "MAP", requires = "time", conflicts_with = "maps")]
     map: Option<PathBuf>,
     /// When that map was made, in RFC 3339 with an offset.
     #[arg(long, requires = "map")]
@@ -93,6 +97,9 @@ struct MapArgs {
     /// Who made it: a robot, a sensor.
     #[arg(long, default_value = "", requires = "map")]
     observer: String,
+    /// Side of a voxel in metres, for lists of points.
+    #[arg(long, value_name = "METRES")]
+    resolution: Option<f64>,
     /// From which probability on a cell is occupied; what lies between is unknown.
     #[arg(long, default_value_t = 0.65, value_name = "P")]
     occupied: f32,
@@ -106,7 +113,7 @@ struct MapArgs {
 
 impl MapArgs {
     /// The maps, oldest first.
-    fn read(&self) -> Result<Vec<(IndexEntry, MapServerMap)>> {
+    fn read(&self) -> Result<Vec<(IndexEntry, OccupancyMap)>> {
         let mut entries = match (&self.maps, &self.map, self.time) {
             (Some(folder), _, _) => read_index(folder.join("index.csv"))?,
             (None, Some(path), Some(time)) => {
@@ -123,19 +130,37 @@ impl MapArgs {
         let progress = Progress::new("reading", entries.len());
         let mut maps = Vec::with_capacity(entries.len());
         for (done, entry) in entries.into_iter().enumerate() {
-            let map = MapServerMap::read(&entry.path)?;
+            let map = self.read_map(&entry.path)?;
             maps.push((entry, map));
             progress.reach(done + 1);
         }
         Ok(maps)
     }
 
+    /// By the ending of its name.
+    fn read_map(&self, path: &Path) -> Result<OccupancyMap> {
+        let ending = path.extension().and_then(|it| it.to_str());
+        Ok(match ending.map(str::to_ascii_lowercase).as_deref() {
+            Some("bt") => read_octomap(path)?,
+            Some("ply" | "csv") => {
+                let resolution_m = self.resolution.ok_or_else(|| {
+                    Error::new(ErrorKind::Config, "a list of points has no voxels")
+                        .with_path(path)
+                        .with_help("say how large they are, for instance --resolution 0.1")
+                })?;
+                map_of_points(&read_points(path)?, resolution_m)
+                    .map_err(|error| error.with_path(path))?
+            }
+            _ => MapServerMap::read(path)?.to_map(),
+        })
+    }
+
     /// Puts them into a history.
-    fn observe(&self, history: &mut History, maps: &[(IndexEntry, MapServerMap)]) -> Result<()> {
+    fn observe(&self, history: &mut History, maps: &[(IndexEntry, OccupancyMap)]) -> Result<()> {
         let thresholds = Thresholds::new(self.free, self.occupied)?;
         for (entry, map) in maps {
             let mut observe = || -> fremen::Result<()> {
-                let patch = patch_of(history.spec(), map, thresholds)?;
+                let patch = patch_of_occupancy(history.spec(), map, thresholds)?;
                 history
                     .observe_as(&entry.observer, &patch, entry.time)
                     .map(drop)
@@ -193,7 +218,7 @@ pub(super) fn add(args: &AddArgs, out: &mut Output) -> Result<Outcome> {
     let progress = Progress::new("adding", maps.len());
     for (done, (entry, map)) in maps.iter().enumerate() {
         let mut take_in = || -> fremen::Result<TakenIn> {
-            let patch = patch_of(&spec, map, thresholds)?;
+            let patch = patch_of_occupancy(&spec, map, thresholds)?;
             grid.take_in(&entry.observer, &patch, entry.time, args.trust)
         };
         match take_in().map_err(|error| error.with_path(&entry.path))? {
@@ -221,7 +246,7 @@ pub(super) fn add(args: &AddArgs, out: &mut Output) -> Result<Outcome> {
     added.num_new = grid.commit().map_err(|error| error.with_path(&args.grid))?;
     added.num_dropped = grid.num_dropped() - dropped_before;
     let given = |held: &&Quarantined| {
-        let is_it = |(entry, _): &(IndexEntry, MapServerMap)| {
+        let is_it = |(entry, _): &(IndexEntry, OccupancyMap)| {
             (entry.time, &entry.observer) == (held.judgement.time, &held.observer)
         };
         maps.iter().any(is_it)

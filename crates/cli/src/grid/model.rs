@@ -6,6 +6,9 @@ use clap::{Args, ValueEnum};
 use fremen::{CandidatePeriods, Period};
 use fremen_grid::{CellModel, GridConfig, Persistence};
 
+/// The most parts of a folded period.
+const FOLDED_BINS: usize = 48;
+
 /// How cells are predicted. The grid keeps what was seen, so that each command may choose anew.
 #[derive(Debug, Args)]
 pub(super) struct ModelArgs {
@@ -16,7 +19,8 @@ pub(super) struct ModelArgs {
     #[arg(long, value_enum, default_value_t = Base::Day)]
     base: Base,
     /// Into how many parts it is divided: FreMEn looks for base/1 to base/PARTS, a histogram has
-    /// as many bins. An hour is the shortest where it is not given.
+    /// as many bins; `folded` looks for periods as FreMEn does. An hour is the shortest where it is not
+    /// given.
     #[arg(long)]
     parts: Option<usize>,
     /// How many rhythms each cell keeps.
@@ -25,6 +29,15 @@ pub(super) struct ModelArgs {
     /// Do not take the last observation into account.
     #[arg(long)]
     no_persistence: bool,
+    /// How much a fresh observation counts against the rhythms, 0 to 1; less is better where maps
+    /// are noisy.
+    #[arg(
+        long,
+        default_value_t = 1.0,
+        value_name = "SHARE",
+        conflicts_with = "no_persistence"
+    )]
+    persistence: f32,
     /// Take of the last observation only what the rhythms had not foreseen.
     #[arg(long, conflicts_with = "no_persistence")]
     surprise: bool,
@@ -37,6 +50,8 @@ enum Kind {
     Fremen,
     /// A mean for each part of the base period.
     Histogram,
+    /// A mean for each part of the cell's own strongest period, for what comes and goes at once.
+    Folded,
     /// The mean of all observations.
     Mean,
     /// The last observation.
@@ -60,6 +75,7 @@ impl Default for ModelArgs {
             parts: None,
             order: 2,
             no_persistence: false,
+            persistence: 1.0,
             surprise: false,
         }
     }
@@ -82,6 +98,10 @@ impl ModelArgs {
                 period,
                 num_bins: num_parts,
             },
+            Kind::Folded => CellModel::Folded {
+                candidates: CandidatePeriods::harmonic(period, num_parts)?,
+                num_bins: FOLDED_BINS,
+            },
             Kind::Mean => CellModel::Mean,
             Kind::Last => CellModel::LastObservation,
         };
@@ -90,6 +110,8 @@ impl ModelArgs {
             (_, true) => Persistence::Surprise,
             _ => Persistence::State,
         };
-        Ok(GridConfig::new(model)?.with_persistence_of(persistence))
+        Ok(GridConfig::new(model)?
+            .with_persistence_of(persistence)
+            .with_persistence_share(self.persistence)?)
     }
 }

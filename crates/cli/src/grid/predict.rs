@@ -12,10 +12,10 @@ use super::model::ModelArgs;
 use chronotope_terminal::{Outcome, Output};
 use fremen::file::{OutputFile, OutputKind};
 use fremen::{Error, ErrorKind, Time};
-use fremen_grid::exchange::{MapMode, MapServerMap};
+use fremen_grid::exchange::{MapMode, MapServerMap, write_octomap, write_points};
 use fremen_grid::file::Access;
 use fremen_grid::picture::occupancy_png;
-use fremen_grid::{FittedGrid, GridFile, OccupancyMap, TemporalGrid};
+use fremen_grid::{FittedGrid, GridFile, OccupancyMap, TemporalGrid, Thresholds};
 
 const PNG: OutputKind = OutputKind {
     noun: "a picture",
@@ -24,7 +24,8 @@ const PNG: OutputKind = OutputKind {
 
 /// Predict the map of a time.
 ///
-/// It is written for ROS's `map_server` with --out (2-D), as a picture with --png, or summed up.
+/// It is written for ROS's `map_server`, for `OctoMap` or as points with --out, as a picture with
+/// --png, or summed up.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -37,8 +38,9 @@ pub(crate) struct PredictArgs {
     /// When, in RFC 3339 with an offset.
     #[arg(long)]
     time: Time,
-    /// The YAML file of a map to write, with its picture beside it.
-    #[arg(long, value_name = "YAML")]
+    /// The map to write: `*.yaml` with its picture beside it, of a 3-D grid `*.bt` (an octree),
+    /// or a list of the centres of occupied cells with their probabilities, `*.ply` or `*.csv`.
+    #[arg(long, value_name = "MAP")]
     out: Option<PathBuf>,
     /// What the shades of that picture mean.
     #[arg(long, value_enum, default_value_t = Mode::Trinary)]
@@ -118,7 +120,7 @@ pub(super) fn predict(args: &PredictArgs, out: &mut Output) -> Result<Outcome> {
     let mut map = OccupancyMap::new_unknown(spec);
     fitted.predict_into(args.time, &mut map)?;
     if let Some(path) = &args.out {
-        write_map(&map, path, args.mode)?;
+        write_map(&map, path, args.mode, &args.grid)?;
     }
     if let Some(path) = &args.png {
         write_png(path, &occupancy_png(&map)?, &[&args.grid])?;
@@ -192,8 +194,9 @@ pub(super) fn export(args: &ExportArgs, out: &mut Output) -> Result<Outcome> {
             .from
             .plus_us((f64::from(number) * step_us).round() as i64);
         fitted.predict_into(time, &mut map)?;
-        let name = format!("{number:05}.yaml");
-        write_map(&map, &args.out.join(&name), args.mode)?;
+        let ending = if spec.is_2d() { "yaml" } else { "bt" };
+        let name = format!("{number:05}.{ending}");
+        write_map(&map, &args.out.join(&name), args.mode, &args.grid)?;
         index.push_str(&[&time.to_string(), ",", &name, "\n"].concat());
         progress.reach(number as usize + 1);
     }
@@ -212,11 +215,19 @@ fn open(path: &Path, model: &ModelArgs) -> Result<TemporalGrid> {
     Ok(TemporalGrid::from_history(file.into_history(), config))
 }
 
-fn write_map(map: &OccupancyMap, path: &Path, mode: Mode) -> Result<()> {
+/// By the ending of its name.
+fn write_map(map: &OccupancyMap, path: &Path, mode: Mode, grid: &Path) -> Result<()> {
+    let ending = path.extension().and_then(|it| it.to_str());
+    match ending.map(str::to_ascii_lowercase).as_deref() {
+        Some("bt") => return Ok(write_octomap(map, Thresholds::default(), path, &[grid])?),
+        // The most likely state, as in the others.
+        Some("ply" | "csv") => return Ok(write_points(map, 0.5, path, &[grid])?),
+        _ => {}
+    }
     if !map.spec().is_2d() {
         return Err(
             Error::new(ErrorKind::Shape, "a 3-D grid is no map of map_server")
-                .with_help("write a picture with --png")
+                .with_help("write *.bt, *.ply or *.csv, or a picture with --png")
                 .into(),
         );
     }

@@ -12,8 +12,8 @@ use crate::cells::{GridSpec, OccupancyMap, Patch, Thresholds};
 /// By how much of a cell maps may be off.
 const MAX_OFFSET: f64 = 1e-3;
 
-/// The smallest grid that holds all cells of these 2-D grids; its origin is that of the first,
-/// moved by whole cells.
+/// The smallest grid that holds all cells of these grids, all in 2-D or all in 3-D; its origin is that
+/// of the first, moved by whole cells.
 ///
 /// # Errors
 /// [`ErrorKind::Config`] where there is none, [`ErrorKind::Shape`] where their cells do not
@@ -23,25 +23,25 @@ pub fn common_spec<'a>(specs: impl IntoIterator<Item = &'a GridSpec>) -> Result<
     let first = specs.next().ok_or_else(|| {
         Error::new(ErrorKind::Config, "no map to make a grid of").with_help("give at least one")
     })?;
-    let [w, h, _] = first.dims().map(i64::from);
-    let mut from = [0, 0];
-    let mut to = [w, h];
+    let mut from = [0; 3];
+    let mut to = first.dims().map(i64::from);
     for spec in specs {
         let offset = offset_of(first, spec)?;
         let dims = spec.dims();
-        for axis in 0..2 {
+        for axis in 0..3 {
             from[axis] = from[axis].min(offset[axis]);
             to[axis] = to[axis].max(offset[axis] + i64::from(dims[axis]));
         }
     }
-    let [x, y, _] = first.origin_m();
     let resolution_m = first.resolution_m();
-    let origin_m = [
-        x + from[0] as f64 * resolution_m,
-        y + from[1] as f64 * resolution_m,
-    ];
+    let origin_m: [f64; 3] =
+        std::array::from_fn(|axis| first.origin_m()[axis] + from[axis] as f64 * resolution_m);
     let size = |axis: usize| u32::try_from(to[axis] - from[axis]).unwrap_or(u32::MAX);
-    GridSpec::new_2d(origin_m, resolution_m, [size(0), size(1)])
+    if first.is_2d() {
+        let [x, y, _] = origin_m;
+        return GridSpec::new_2d([x, y], resolution_m, [size(0), size(1)]);
+    }
+    GridSpec::new_3d(origin_m, resolution_m, std::array::from_fn(size))
 }
 
 /// The states of a map's cells as a patch of a grid.
@@ -50,38 +50,48 @@ pub fn common_spec<'a>(specs: impl IntoIterator<Item = &'a GridSpec>) -> Result<
 /// [`ErrorKind::Shape`] where the cells do not coincide with those of the grid, or known ones lie
 /// outside of it.
 pub fn patch_of(grid: &GridSpec, map: &MapServerMap, thresholds: Thresholds) -> Result<Patch> {
+    patch_of_occupancy(grid, &map.to_map(), thresholds)
+}
+
+/// The states of a 2-D or 3-D map's cells as a patch of a grid.
+///
+/// # Errors
+/// As [`patch_of`].
+pub fn patch_of_occupancy(
+    grid: &GridSpec,
+    map: &OccupancyMap,
+    thresholds: Thresholds,
+) -> Result<Patch> {
     let offset = offset_of(grid, map.spec())?;
-    let occupancy: OccupancyMap = map.to_map();
     let all = grid.dims().map(i64::from);
-    let [w, h, _] = map.spec().dims();
     let mut patch = Patch::new_whole(grid);
-    for y in 0..h {
-        for x in 0..w {
-            let state = occupancy.state(map.spec().index([x, y, 0]), thresholds);
-            if !state.is_known() {
-                continue;
-            }
-            let cell = [offset[0] + i64::from(x), offset[1] + i64::from(y)];
-            if (0..2).any(|axis| cell[axis] < 0 || cell[axis] >= all[axis]) {
-                let [w, h, _] = grid.dims();
-                return Err(Error::new(
-                    ErrorKind::Shape,
-                    format!("the map has known cells outside of the grid of {w} x {h} cells"),
-                )
-                .with_help("cut the map, or build a grid of all maps together"));
-            }
-            patch.set([cell[0] as u32, cell[1] as u32, 0], state);
+    for index in 0..map.spec().num_cells() {
+        let state = map.state(index, thresholds);
+        if !state.is_known() {
+            continue;
         }
+        let from = map.spec().cell(index);
+        let cell: [i64; 3] = std::array::from_fn(|axis| offset[axis] + i64::from(from[axis]));
+        if (0..3).any(|axis| cell[axis] < 0 || cell[axis] >= all[axis]) {
+            let [w, h, d] = grid.dims();
+            return Err(Error::new(
+                ErrorKind::Shape,
+                format!("the map has known cells outside of the grid of {w} x {h} x {d} cells"),
+            )
+            .with_help("cut the map, or build a grid of all maps together"));
+        }
+        patch.set(cell.map(|it| it as u32), state);
     }
     Ok(patch)
 }
 
 /// By how many cells the origin of `other` is above that of `grid`.
-fn offset_of(grid: &GridSpec, other: &GridSpec) -> Result<[i64; 2]> {
+fn offset_of(grid: &GridSpec, other: &GridSpec) -> Result<[i64; 3]> {
     let (a, b) = (grid.resolution_m(), other.resolution_m());
     let largest = other.dims().into_iter().max().unwrap_or(1);
-    if !grid.is_2d() || !other.is_2d() {
-        return Err(Error::new(ErrorKind::Shape, "a 3-D grid has no 2-D map"));
+    if grid.is_2d() != other.is_2d() {
+        let message = "2-D and 3-D maps have no common grid";
+        return Err(Error::new(ErrorKind::Shape, message));
     }
     // The far edge may not be off, either.
     if (a - b).abs() * f64::from(largest) > MAX_OFFSET * a {
@@ -91,7 +101,7 @@ fn offset_of(grid: &GridSpec, other: &GridSpec) -> Result<[i64; 2]> {
         )
         .with_help("make all maps with one resolution"));
     }
-    let mut offset = [0; 2];
+    let mut offset = [0; 3];
     for (axis, offset) in offset.iter_mut().enumerate() {
         let cells = (other.origin_m()[axis] - grid.origin_m()[axis]) / a;
         if (cells - cells.round()).abs() > MAX_OFFSET || cells.abs() > 1e9 {
@@ -99,7 +109,7 @@ fn offset_of(grid: &GridSpec, other: &GridSpec) -> Result<[i64; 2]> {
                 ErrorKind::Shape,
                 format!(
                     "the origin {:?} m is {cells:.3} cells from that of the grid, not whole cells",
-                    &other.origin_m()[..2]
+                    other.origin_m()
                 ),
             )
             .with_help("make all maps on one raster: with origins that differ by whole cells"));
@@ -113,6 +123,23 @@ fn offset_of(grid: &GridSpec, other: &GridSpec) -> Result<[i64; 2]> {
 mod tests {
     use super::*;
     use crate::cells::CellState;
+
+    #[test]
+    fn solid_maps_share_a_grid_and_none_with_planar_ones() -> Result<()> {
+        let a = GridSpec::new_3d([0.0, 0.0, 0.0], 0.5, [4, 4, 4])?;
+        let b = GridSpec::new_3d([-1.0, 0.5, 1.0], 0.5, [2, 2, 8])?;
+        let common = common_spec([&a, &b])?;
+        assert_eq!((common.dims(), common.origin_m()[0]), ([6, 4, 10], -1.0));
+        let mut map = OccupancyMap::new_unknown(b);
+        map.set(b.index([1, 1, 7]), Some(1.0));
+        let patch = patch_of_occupancy(&common, &map, Thresholds::default())?;
+        assert_eq!(patch.num_known(), 1);
+        assert_eq!(patch.get([1, 2, 9]), CellState::Occupied);
+        assert!(patch_of_occupancy(&a, &map, Thresholds::default()).is_err());
+        let planar = GridSpec::new_2d([0.0, 0.0], 0.5, [4, 4])?;
+        assert!(common_spec([&a, &planar]).is_err());
+        Ok(())
+    }
 
     #[test]
     fn maps_on_one_raster_share_a_grid() -> Result<()> {

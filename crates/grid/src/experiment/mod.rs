@@ -6,6 +6,7 @@
 mod boxes;
 mod carmen;
 mod gallery;
+mod injected;
 mod journeys;
 mod office;
 mod passes;
@@ -14,13 +15,18 @@ mod quarantine;
 mod statistics;
 mod world;
 
-pub use boxes::{BoxCounts, BoxesConfig, BoxesReport, PREDICTED_BY, boxes};
+pub use boxes::{
+    BoxCounts, BoxesConfig, BoxesReport, OCCUPIED_FROM, PREDICTED_BY, boxes, boxes_gallery,
+};
 pub use carmen::{CarmenConfig, CarmenReport, RangeResult, carmen};
 pub use gallery::{Gallery, gallery};
+pub use injected::{DAILY_BY, Daily, InjectedConfig, InjectedReport, Moved, Sudden, injected};
 pub use journeys::{JourneyCounts, JourneysConfig, JourneysReport, PLANNED_IN, journeys};
 pub use office::{OfficeConfig, OfficeModel, OfficeReport, office};
 pub use passes::{MAPS, PassResult, PassesConfig, PassesReport, passes};
-pub use presence::{Detections, PresenceConfig, PresenceResult, presence, presence_table};
+pub use presence::{
+    Detections, PresenceConfig, PresenceResult, presence, presence_gallery, presence_table,
+};
 pub use quarantine::{
     Care, Corruption, OfficePatrols, PatrolResult, QuarantineConfig, QuarantineReport, quarantine,
 };

@@ -3,9 +3,11 @@
 
 use fremen::{CandidatePeriods, Period, Result};
 
+use crate::cells::OccupancyMap;
 use crate::compress::{LossyGrid, pack, unpack, varint_bytes};
 use crate::history::Memory;
-use crate::model::{CellModel, GridConfig};
+use crate::model::{CellModel, Errors, GridConfig};
+use crate::picture::{occupancy_png, rhythms_png};
 use crate::simulation::Office3d;
 use crate::temporal::TemporalGrid;
 
@@ -18,6 +20,8 @@ pub struct OfficeConfig {
     pub num_days: u32,
     /// Every so many frames one is compared: 301 is 57 a day, at other times each day.
     pub stride: usize,
+    /// Whether pictures are drawn.
+    pub draws: bool,
 }
 
 impl Default for OfficeConfig {
@@ -26,6 +30,7 @@ impl Default for OfficeConfig {
             seed: 1,
             num_days: 112,
             stride: 301,
+            draws: true,
         }
     }
 }
@@ -46,6 +51,8 @@ pub struct OfficeModel {
     /// Bytes of its rhythms alone and the share of wrong cells when no more is kept; none where it
     /// has none.
     pub lossy: Option<(usize, f64)>,
+    /// Share of wrong cells in each day.
+    pub by_day: Vec<f64>,
 }
 
 /// What was measured.
@@ -71,6 +78,9 @@ pub struct OfficeReport {
     pub pack_s: [f64; 2],
     /// Every model.
     pub models: Vec<OfficeModel>,
+    /// Pictures with their titles: four hours of the day after, then the rhythms; none where they
+    /// are not wanted.
+    pub pictures: Vec<(String, Vec<u8>)>,
 }
 
 impl OfficeReport {
@@ -117,7 +127,32 @@ pub fn office(config: &OfficeConfig, clock_s: &dyn Fn() -> f64) -> Result<Office
         is_lossless,
         pack_s: [packed_s - start_s, clock_s() - packed_s],
         models: learn(&mut grid, config, clock_s)?,
+        pictures: if config.draws {
+            draw(&mut grid, &office)?
+        } else {
+            Vec::new()
+        },
     })
+}
+
+/// The hours that are drawn.
+const HOURS: [u8; 4] = [3, 10, 13, 19];
+
+/// The day after the last one, by the rhythms of a week.
+fn draw(grid: &mut TemporalGrid, office: &Office3d) -> Result<Vec<(String, Vec<u8>)>> {
+    let candidates = CandidatePeriods::harmonic(Period::WEEK, 168)?;
+    grid.set_config(GridConfig::fremen(candidates, 5)?.with_persistence(false));
+    let fitted = grid.fitted();
+    let mut map = OccupancyMap::new_unknown(*office.spec());
+    let day = office.time(office.num_frames());
+    let mut pictures = Vec::new();
+    for hour in HOURS {
+        fitted.predict_into(day.plus_us(i64::from(hour) * 3_600_000_000), &mut map)?;
+        pictures.push((format!("{hour:02}:00, predicted"), occupancy_png(&map)?));
+    }
+    let rhythms = rhythms_png(&fitted, office.spec(), day.plus_us(13 * 3_600_000_000))?;
+    pictures.push(("strongest rhythm of each column of voxels".into(), rhythms));
+    Ok(pictures)
 }
 
 /// FreMEn with the periods of a day and of a week, and the histograms of their hours.
@@ -155,6 +190,7 @@ fn learn(
             let fitted = grid.fitted();
             let learn_s = clock_s() - start_s;
             let errors = fitted.errors(config.stride);
+            let by_day = fitted.errors_by_day(config.stride);
             let lossy = match order {
                 Some(order) if order > 0 => {
                     let lossy = LossyGrid::new(&fitted, base, count, order)?;
@@ -170,6 +206,7 @@ fn learn(
                 error: errors.rate(),
                 static_error: errors.static_rate(),
                 lossy,
+                by_day: by_day.iter().map(Errors::rate).collect(),
             });
         }
     }

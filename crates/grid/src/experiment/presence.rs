@@ -7,7 +7,9 @@ use flate2::read::MultiGzDecoder;
 use fremen::{CandidatePeriods, Error, ErrorKind, Period, Result, Time};
 
 use crate::cells::{CellState, GridSpec, OccupancyMap, Patch};
+use crate::experiment::gallery::Gallery;
 use crate::model::{CellModel, GridConfig};
+use crate::picture::{occupancy_png, rhythms_png};
 use crate::temporal::TemporalGrid;
 
 /// Where people were seen, second by second, in an area that was watched all the time.
@@ -182,6 +184,88 @@ pub struct PresenceResult {
     pub name: &'static str,
     /// Mean squared difference of probability and state, over all cells and slots.
     pub brier: f64,
+    /// For each hour of the predicted time: cells that were expected to be occupied in a slot, and
+    /// the Brier score.
+    pub by_hour: Vec<[f64; 2]>,
+    /// The same cells as they were seen.
+    pub seen_by_hour: Vec<f64>,
+}
+
+/// Sums of one hour.
+#[derive(Clone, Copy, Debug, Default)]
+struct Hour {
+    num_slots: f64,
+    expected: f64,
+    seen: f64,
+    squares: f64,
+}
+
+/// Pictures of how often cells are expected to be occupied at four hours, and of how often they were
+/// in the hour from then on; black is as often as the most visited cell of the picture, and at least
+/// one slot of ten.
+///
+/// # Errors
+/// As the grid.
+pub fn presence_gallery(
+    learnt: &Detections,
+    foreseen: &Detections,
+    config: &PresenceConfig,
+) -> Result<Gallery> {
+    let spec = spec_of(learnt, config)?;
+    let day = CandidatePeriods::harmonic(Period::DAY, 24)?;
+    let model = GridConfig::fremen(day, 2)?
+        .with_guards(false)
+        .with_persistence(false);
+    let mut grid = TemporalGrid::new(spec, model);
+    for (time, patch) in learnt.slots(&spec, config.slot_s) {
+        grid.observe(&patch, time)?;
+    }
+    let test = foreseen.slots(&spec, config.slot_s);
+    let begin = foreseen.watched[0];
+    let fitted = grid.fitted();
+    let mut map = OccupancyMap::new_unknown(spec);
+    let mut hours = Vec::new();
+    for hour in [9_i64, 12, 16, 20] {
+        let from = begin.plus_us(hour * 3_600_000_000);
+        fitted.predict_into(from.plus_us(1_800_000_000), &mut map)?;
+        let mut seen = vec![0.0_f32; spec.num_cells()];
+        let to = from.plus_us(3_600_000_000);
+        let slots = test.iter().filter(|(time, _)| (from..to).contains(time));
+        let mut num = 0.0_f32;
+        for (_, patch) in slots {
+            num += 1.0;
+            for (seen, state) in seen.iter_mut().zip(patch.states()) {
+                *seen += f32::from(u8::from(*state == CellState::Occupied));
+            }
+        }
+        let expected = shares_png(spec, map.probabilities())?;
+        let seen: Vec<f32> = seen.iter().map(|it| it / num.max(1.0)).collect();
+        let offset = format!("hour {hour} of the day");
+        hours.push([
+            (format!("{offset}, predicted"), expected),
+            (format!("{offset}, seen"), shares_png(spec, &seen)?),
+        ]);
+    }
+    let rhythms = rhythms_png(&fitted, &spec, begin)?;
+    Ok(Gallery {
+        hours,
+        rhythms: ("strongest rhythm of each cell".to_owned(), rhythms),
+    })
+}
+
+fn shares_png(spec: GridSpec, shares: &[f32]) -> Result<Vec<u8>> {
+    let most = shares.iter().copied().fold(0.1, f32::max);
+    let mut map = OccupancyMap::new_unknown(spec);
+    for (p, share) in map.probabilities_mut().iter_mut().zip(shares) {
+        *p = share / most;
+    }
+    occupancy_png(&map)
+}
+
+fn spec_of(learnt: &Detections, config: &PresenceConfig) -> Result<GridSpec> {
+    let [low, high] = learnt.area_m;
+    let size = [0, 1].map(|axis| ((high[axis] - low[axis]) / config.cell_m).ceil() as u32);
+    GridSpec::new_2d(low, config.cell_m, size)
 }
 
 /// Learns one time and predicts another with several models, the mean first.
@@ -193,9 +277,7 @@ pub fn presence(
     foreseen: &Detections,
     config: &PresenceConfig,
 ) -> Result<Vec<PresenceResult>> {
-    let [low, high] = learnt.area_m;
-    let size = [0, 1].map(|axis| ((high[axis] - low[axis]) / config.cell_m).ceil() as u32);
-    let spec = GridSpec::new_2d(low, config.cell_m, size)?;
+    let spec = spec_of(learnt, config)?;
     let day = CandidatePeriods::harmonic(Period::DAY, 24)?;
     let histogram = |num_bins| {
         GridConfig::new(CellModel::Histogram {
@@ -222,18 +304,36 @@ pub fn presence(
         // One day cannot show that it repeats, and the last minute says nothing of another day.
         grid.set_config(model.with_guards(false).with_persistence(false));
         let (mut sum, mut count) = (0.0, 0_u64);
+        let mut hours: Vec<Hour> = Vec::new();
         for (time, patch) in &test {
             grid.predict_into(*time, &mut map)?;
+            let at = (time.since_s(test[0].0) / 3_600.0) as usize;
+            hours.resize(hours.len().max(at + 1), Hour::default());
+            let hour = &mut hours[at];
+            hour.num_slots += 1.0;
             for (p, state) in map.probabilities().iter().zip(patch.states()) {
                 let truth = f64::from(u8::from(*state == CellState::Occupied));
                 let p = if p.is_nan() { 0.5 } else { f64::from(*p) };
                 sum += (p - truth).powi(2);
                 count += 1;
+                hour.expected += p;
+                hour.seen += truth;
+                hour.squares += (p - truth).powi(2);
             }
         }
         results.push(PresenceResult {
             name,
             brier: sum / count.max(1) as f64,
+            by_hour: (hours.iter())
+                .map(|it| {
+                    let slots: f64 = it.num_slots;
+                    let cells = slots * spec.num_cells() as f64;
+                    [it.expected / slots.max(1.0), it.squares / cells.max(1.0)]
+                })
+                .collect(),
+            seen_by_hour: (hours.iter())
+                .map(|it| it.seen / it.num_slots.max(1.0))
+                .collect(),
         });
     }
     Ok(results)

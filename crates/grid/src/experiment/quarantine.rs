@@ -8,9 +8,10 @@ use crate::experiment::world::{map_at, moment, patch_of, patrol};
 use crate::localize::{
     FilterConfig, FreeSpace, LikelihoodField, LikelihoodFieldConfig, MonteCarlo,
 };
+use crate::picture::contradictions_png;
 use crate::pose::{Pose2, wrap};
 use crate::random::Random;
-use crate::registration::{Decision, Guard, GuardConfig, Reason, compare, resampled};
+use crate::registration::{Decision, Guard, GuardConfig, Quarantined, Reason, compare, resampled};
 use crate::simulation::{Drive, Layout, Office};
 use crate::temporal::TemporalGrid;
 
@@ -107,6 +108,9 @@ pub struct OfficePatrols {
     pub guarded: Vec<PatrolResult>,
     /// The same patrols without; empty where they were not made.
     pub unguarded: Vec<PatrolResult>,
+    /// A picture of the last quarantined map with its title: what appeared in red, what vanished in
+    /// blue.
+    pub evidence: Option<(String, Vec<u8>)>,
 }
 
 /// All offices.
@@ -216,11 +220,13 @@ impl QuarantineReport {
 pub fn quarantine(config: &QuarantineConfig) -> Result<QuarantineReport> {
     let offices = (config.seeds.par_iter())
         .map(|&seed| {
+            let (guarded, guard) = patrols(seed, Care::Guarded, config)?;
             Ok(OfficePatrols {
                 seed,
-                guarded: patrols(seed, Care::Guarded, config)?,
+                evidence: guard.quarantined().last().map(evidence).transpose()?,
+                guarded,
                 unguarded: if config.with_unguarded {
-                    patrols(seed, Care::None, config)?
+                    patrols(seed, Care::None, config)?.0
                 } else {
                     Vec::new()
                 },
@@ -233,7 +239,19 @@ pub fn quarantine(config: &QuarantineConfig) -> Result<QuarantineReport> {
     })
 }
 
-fn patrols(seed: u64, care: Care, config: &QuarantineConfig) -> Result<Vec<PatrolResult>> {
+/// What speaks against a map.
+fn evidence(held: &Quarantined) -> Result<(String, Vec<u8>)> {
+    let [appeared, vanished] = &held.contradictions;
+    let title = format!(
+        "{}: {:.1} % contradict the prediction, {:.1} % are usual",
+        held.judgement.time,
+        100.0 * held.judgement.disagreement,
+        100.0 * held.judgement.limit
+    );
+    Ok((title, contradictions_png(&held.map, appeared, vanished)?))
+}
+
+fn patrols(seed: u64, care: Care, config: &QuarantineConfig) -> Result<(Vec<PatrolResult>, Guard)> {
     let begin_h = 1.0;
     let when = |number: usize| moment(0, begin_h + config.every_h * number as f64);
     let mut office = Office::new(seed, config.layout);
@@ -300,7 +318,7 @@ fn patrols(seed: u64, care: Care, config: &QuarantineConfig) -> Result<Vec<Patro
         }
         results.push(result);
     }
-    Ok(results)
+    Ok((results, guard))
 }
 
 /// The poses that a robot believes to have had, by the predicted map; in the first patrol, which has

@@ -220,11 +220,44 @@ impl Tile {
                 continue;
             }
             let changed = (before.known ^ plane.known) | (before.occupied ^ plane.occupied);
-            for bit in bits(changed) {
-                self.change(visit, word * 64 + bit as usize, plane.state(bit));
+            if changed == 0 {
+                continue;
             }
+            let first = self.begin_logs(word, changed);
+            let logged = self.words[word].logged;
+            for bit in bits(changed) {
+                let before_it = (logged & ((1 << bit) - 1)).count_ones() as usize;
+                self.logs[first + before_it].push(visit, before.state(bit), plane.state(bit));
+            }
+            self.words[word].now = plane;
         }
         counts
+    }
+
+    /// Gives those of `cells` a log that have none; where the logs of the word begin.
+    ///
+    /// All at once: one by one, each would move all logs behind it.
+    fn begin_logs(&mut self, word: usize, cells: u64) -> usize {
+        let first = self.rank(word * 64);
+        let Word { now, logged } = self.words[word];
+        if cells & !logged == 0 {
+            return first;
+        }
+        let num = logged.count_ones() as usize;
+        let mut known = self
+            .logs
+            .drain(first..first + num)
+            .collect::<Vec<_>>()
+            .into_iter();
+        let all: Vec<CellLog> = bits(logged | cells)
+            .map(|bit| {
+                let log = (logged >> bit & 1 == 1).then(|| known.next()).flatten();
+                log.unwrap_or_else(|| CellLog::new(now.state(bit)))
+            })
+            .collect();
+        self.logs.splice(first..first, all);
+        self.words[word].logged |= cells;
+        first
     }
 
     /// The cell has another state from a visit on, which is not visit 0.

@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 use super::codec::{Memory, decode_held, encode_held};
 use crate::cells::{GridSpec, OccupancyMap, Patch, Thresholds};
 use crate::file::{Attachments, GridFile, UNDIGESTED};
-use crate::history::History;
+use crate::history::{History, Outcome};
 use crate::model::GridConfig;
 use crate::registration::{Decision, Guard, GuardConfig, Judgement, Quarantined};
 use crate::temporal::TemporalGrid;
@@ -161,10 +161,10 @@ impl LifelongGrid {
     }
 
     /// Judges a map and integrates it, or keeps it in quarantine; `is_trusted`: it is integrated
-    /// whatever it shows. Nothing is written before [`commit`](Self::commit).
+    /// whatever it shows, which a map of a 3-D grid has to be. Nothing is written before [`commit`](Self::commit).
     ///
     /// # Errors
-    /// As [`History::observe_as`]; [`ErrorKind::Shape`] for a 3-D grid.
+    /// As [`History::observe_as`]; [`ErrorKind::Shape`] for a map of a 3-D grid that is not trusted.
     pub fn take_in(
         &mut self,
         observer: &str,
@@ -174,8 +174,7 @@ impl LifelongGrid {
     ) -> Result<TakenIn> {
         let spec = *self.grid.spec();
         if !spec.is_2d() {
-            let message = "maps of a 3-D grid are not judged";
-            return Err(Error::new(ErrorKind::Shape, message));
+            return self.take_in_solid(observer, patch, time, is_trusted);
         }
         let raw = digest_of(observer, patch, time);
         let id = MapId::new(observer, time);
@@ -227,6 +226,35 @@ impl LifelongGrid {
                 })
             }
         }
+    }
+
+    /// Integrates a map of a 3-D grid, which nothing judges.
+    fn take_in_solid(
+        &mut self,
+        observer: &str,
+        patch: &Patch,
+        time: Time,
+        is_trusted: bool,
+    ) -> Result<TakenIn> {
+        if !is_trusted {
+            let message = "maps of a 3-D grid are not judged";
+            return Err(Error::new(ErrorKind::Shape, message)
+                .with_help("look at it, then integrate it as a trusted one (`--trust`)"));
+        }
+        let verdict = self.grid.observe_as(observer, patch, time)?;
+        if verdict.outcome == Outcome::AlreadyKnown {
+            return Ok(TakenIn::Known);
+        }
+        self.new.observe_as(observer, patch, time)?;
+        Ok(TakenIn::Integrated(Judgement {
+            time,
+            registration: None,
+            disagreement: 0.0,
+            expected: 0.0,
+            limit: f64::INFINITY,
+            shift_limit_m: f64::INFINITY,
+            reason: None,
+        }))
     }
 
     /// Integrates a map in quarantine; false where there is none of this identity.

@@ -19,6 +19,8 @@ pub(super) enum Columns {
     Phasors(CandidatePeriods),
     /// 1 in the bin of the time, 0 in the others.
     Bins(Period, usize),
+    /// 1 in the part of one candidate period in which the time lies, 0 in the others.
+    Folded(CandidatePeriods, usize, usize),
     /// None at all.
     None,
 }
@@ -29,6 +31,8 @@ impl Columns {
             CellModel::Fremen { candidates, order } if *order > 0 => {
                 Self::Phasors(candidates.clone())
             }
+            // Which one is the strongest comes first.
+            CellModel::Folded { candidates, .. } => Self::Phasors(candidates.clone()),
             CellModel::Histogram { period, num_bins } => Self::Bins(*period, *num_bins),
             _ => Self::None,
         }
@@ -37,7 +41,7 @@ impl Columns {
     pub(super) fn width(&self) -> usize {
         match self {
             Self::Phasors(candidates) => 2 * candidates.len(),
-            Self::Bins(_, num_bins) => *num_bins,
+            Self::Bins(_, num_bins) | Self::Folded(_, _, num_bins) => *num_bins,
             Self::None => 0,
         }
     }
@@ -52,6 +56,9 @@ impl Columns {
                 }
             }
             Self::Bins(period, num_bins) => sums[bin(time, *period, *num_bins)] += 1,
+            Self::Folded(candidates, k, num_bins) => {
+                sums[bin_of_phase(phase(candidates, *k, time), *num_bins)] += 1;
+            }
             Self::None => {}
         }
     }
@@ -59,7 +66,26 @@ impl Columns {
 
 /// The part of a period in which a time lies.
 pub(super) fn bin(time: Time, period: Period, num_bins: usize) -> usize {
-    ((time.phase(period) * num_bins as f64) as usize).min(num_bins - 1)
+    bin_of_phase(time.phase(period), num_bins)
+}
+
+/// The phase of a time in candidate period k, in [0, 1).
+pub(super) fn phase(candidates: &CandidatePeriods, k: usize, time: Time) -> f64 {
+    match candidates.as_harmonic() {
+        Some((base, _)) => {
+            let turns = time.phase(base) * (k + 1) as f64;
+            turns - turns.floor()
+        }
+        None => candidates
+            .as_list()
+            .get(k)
+            .map_or(0.0, |period| time.phase(*period)),
+    }
+}
+
+/// The part of a period in which a phase in [0, 1) lies.
+pub(super) fn bin_of_phase(phase: f64, num_bins: usize) -> usize {
+    ((phase * num_bins as f64) as usize).min(num_bins - 1)
 }
 
 /// Rounds a number of at most 2^10 to a multiple of 2^-40.

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use fremen::Time;
+use fremen::{Period, Time};
 
 use super::config::GridConfig;
 use super::tile_model::{Moment, TileModel};
@@ -51,12 +51,35 @@ pub(crate) fn errors(
     models: &[Option<Box<TileModel>>],
     stride: usize,
 ) -> Errors {
+    let days = errors_by_day(history, config, models, stride);
+    let num_cells = models.iter().flatten().map(|it| it.num_varying() as u64);
+    Errors {
+        num_cells: num_cells.sum(),
+        ..days.into_iter().fold(Errors::default(), Errors::plus)
+    }
+}
+
+/// The same of each day since the first observation; cells are not counted.
+pub(crate) fn errors_by_day(
+    history: &History,
+    config: &GridConfig,
+    models: &[Option<Box<TileModel>>],
+    stride: usize,
+) -> Vec<Errors> {
     let tiles = history.tiles().par_iter().zip(models);
     let per_tile = tiles.map(|(tile, model)| match model {
         Some(model) => errors_of(history, config, tile, model, stride),
-        None => Errors::default(),
+        None => Vec::new(),
     });
-    per_tile.reduce(Errors::default, Errors::plus)
+    per_tile.reduce(Vec::new, |mut a, mut b| {
+        if a.len() < b.len() {
+            std::mem::swap(&mut a, &mut b);
+        }
+        for (a, b) in a.iter_mut().zip(b) {
+            *a = a.plus(b);
+        }
+        a
+    })
 }
 
 fn errors_of(
@@ -65,7 +88,7 @@ fn errors_of(
     tile: &Tile,
     model: &TileModel,
     stride: usize,
-) -> Errors {
+) -> Vec<Errors> {
     let times_us = history.observations().times_us();
     let cells: Vec<usize> = model.cells().collect();
     let mean: Vec<bool> = model.means().map(|mean| mean > 0.5).collect();
@@ -74,14 +97,18 @@ fn errors_of(
         .filter_map(|&at| tile.log(at))
         .map(|log| (log.first(), log.changes().peekable()))
         .collect();
-    let mut errors = Errors {
-        num_cells: cells.len() as u64,
-        ..Errors::default()
-    };
+    let day_us = Period::DAY.as_us();
+    let first_us = times_us.first().copied().unwrap_or_default();
+    let mut days: Vec<Errors> = Vec::new();
     let mut periodic = Vec::new();
     let config = config.clone().with_persistence(false);
     for (visit, observation) in (0_u32..).zip(tile.visits().observations()).step_by(stride) {
         let time = Time::from_us(times_us[observation as usize]);
+        let day = (time.as_us().saturating_sub(first_us) / day_us) as usize;
+        if days.len() <= day {
+            days.resize(day + 1, Errors::default());
+        }
+        let errors = &mut days[day];
         model.periodic(&Moment::new(&config, time), &mut periodic);
         for (i, (state, changes)) in changes.iter_mut().enumerate() {
             while let Some(change) = changes.next_if(|change| change.visit <= visit) {
@@ -95,5 +122,5 @@ fn errors_of(
             }
         }
     }
-    errors
+    days
 }

@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use fremen::Time;
 use fremen::spectrum::strongest;
+use fremen::{CandidatePeriods, Time};
 use rayon::prelude::*;
 
 use super::columns::{Columns, Prefixes, from_fixed};
 use super::config::{CellModel, GridConfig, Persistence};
+use super::folded::means;
 use super::stats::Stats;
 use super::tile_model::{CellRecord, Moment, Term, TileModel};
 use crate::cells::CellState;
@@ -135,17 +136,72 @@ impl<'a> Group<'a> {
 
     /// What predictions of cells that vary are made of.
     fn records(&self, cells: &[&Cell<'_>]) -> Vec<CellRecord> {
-        let width = self.columns.width();
+        let (mut sums, all) = self.sums(self.columns, cells);
+        let supported = self.supported();
+        let records = cells.par_iter().zip(sums.par_iter_mut());
+        let mut records: Vec<CellRecord> = records
+            .map(|(cell, sums)| self.record(cell, sums, &all, &supported))
+            .collect();
+        drop(sums);
+        if let CellModel::Folded {
+            candidates,
+            num_bins,
+        } = self.config.model()
+        {
+            self.fold(candidates, *num_bins, cells, &mut records);
+        }
+        if self.config.persistence() == Persistence::Surprise {
+            self.compare_with_last(cells, &mut records);
+        }
+        records
+    }
+
+    /// Folds each cell over its strongest period: the cells of one period at a time.
+    fn fold(
+        &self,
+        candidates: &CandidatePeriods,
+        num_bins: usize,
+        cells: &[&Cell<'_>],
+        records: &mut [CellRecord],
+    ) {
+        let mut of_period: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (at, record) in records.iter_mut().enumerate() {
+            match record.terms.first() {
+                Some(term) => of_period.entry(term.k.into()).or_default().push(at),
+                None => record.bins = vec![record.mean; num_bins],
+            }
+        }
+        for (k, at) in of_period {
+            let columns = Columns::Folded(candidates.clone(), k, num_bins);
+            let chosen: Vec<&Cell<'_>> = at.iter().map(|&at| cells[at]).collect();
+            let (mut sums, all) = self.sums(&columns, &chosen);
+            let folded = chosen.par_iter().zip(sums.par_iter_mut());
+            let folded: Vec<Vec<f32>> = folded
+                .map(|(cell, sums)| {
+                    sums.finish(&all);
+                    let known = sums.known.as_deref().unwrap_or(&all);
+                    means(&sums.occupied, known, cell.stats.mean())
+                })
+                .collect();
+            for (at, bins) in at.into_iter().zip(folded) {
+                records[at].bins = bins;
+            }
+        }
+    }
+
+    /// The unfinished sums of these cells, and those over all visits.
+    fn sums<'b>(&self, columns: &Columns, cells: &[&Cell<'b>]) -> (Vec<CellSums<'b>>, Vec<i64>) {
+        let width = columns.width();
         let mut sums: Vec<CellSums<'_>> = cells
             .iter()
             .map(|cell| CellSums::new(cell.log, width))
             .collect();
-        let mut prefixes = Prefixes::new(self.columns);
+        let mut prefixes = Prefixes::new(columns);
         if width > 0 {
             let block = (TABLE_BYTES / (8 * width)).max(1);
             let mut end = 0;
             for times_us in self.times_us.chunks(block) {
-                prefixes.advance(self.columns, times_us);
+                prefixes.advance(columns, times_us);
                 end += times_us.len();
                 // Cells next to each other in memory go to one thread.
                 sums.par_iter_mut()
@@ -153,16 +209,8 @@ impl<'a> Group<'a> {
                     .for_each(|sums| sums.advance(&prefixes, end as u32));
             }
         }
-        let all = prefixes.before(self.times_us.len());
-        let supported = self.supported();
-        let records = cells.par_iter().zip(sums.par_iter_mut());
-        let mut records: Vec<CellRecord> = records
-            .map(|(cell, sums)| self.record(cell, sums, all, &supported))
-            .collect();
-        if self.config.persistence() == Persistence::Surprise {
-            self.compare_with_last(cells, &mut records);
-        }
-        records
+        let all = prefixes.before(self.times_us.len()).to_vec();
+        (sums, all)
     }
 
     /// Says of each cell by how much it was otherwise than foreseen when it was last seen.
@@ -212,6 +260,9 @@ impl<'a> Group<'a> {
                     })
                     .collect();
             }
+            CellModel::Folded { .. } => {
+                record.terms = terms(stats, &sums.occupied, known, supported, 1);
+            }
             CellModel::Mean | CellModel::LastObservation => {}
         }
         record
@@ -219,7 +270,7 @@ impl<'a> Group<'a> {
 
     /// For each candidate whether the times can show it.
     fn supported(&self) -> Vec<bool> {
-        let CellModel::Fremen { candidates, .. } = self.config.model() else {
+        let Some(candidates) = self.config.model().candidates() else {
             return Vec::new();
         };
         let ends = self.times_us.first().zip(self.times_us.last());

@@ -15,12 +15,13 @@ mod columns;
 mod config;
 mod errors;
 mod fit;
+mod folded;
 mod stats;
 mod tile_model;
 
-pub use config::{CellModel, GridConfig, MAX_ORDER, Persistence};
+pub use config::{CellModel, GridConfig, MAX_FOLDED, MAX_ORDER, Persistence};
 pub use errors::Errors;
-pub(crate) use errors::errors;
+pub(crate) use errors::{errors, errors_by_day};
 pub(crate) use fit::fit;
 pub(crate) use stats::Stats;
 pub(crate) use tile_model::{CellRecord, Moment, Term, TileModel};

@@ -2,7 +2,7 @@
 
 use fremen::{CandidatePeriods, Period, Time};
 
-use super::columns::bin;
+use super::columns::{bin, bin_of_phase, phase};
 use super::config::{CellModel, GridConfig, Persistence};
 use crate::cells::CellState;
 
@@ -62,7 +62,10 @@ pub(crate) struct Moment {
     phasors: Vec<[f32; 2]>,
     /// The bin of the time, and how many there are.
     bin: Option<(usize, usize)>,
+    /// The same of each candidate.
+    folded: Option<(Vec<usize>, usize)>,
     persistence: Persistence,
+    share: f32,
     only_last: bool,
 }
 
@@ -71,6 +74,10 @@ impl CellRecord {
     pub(crate) fn periodic(&self, moment: &Moment) -> f32 {
         if let Some((bin, _)) = moment.bin {
             return self.bins.get(bin).copied().unwrap_or(self.mean);
+        }
+        if let Some((bins, _)) = &moment.folded {
+            let k = self.terms.first().map_or(0, |term| usize::from(term.k));
+            return self.bins.get(bins[k]).copied().unwrap_or(self.mean);
         }
         let mut p = self.mean;
         for term in &self.terms {
@@ -87,13 +94,23 @@ impl Moment {
             time,
             phasors: Vec::new(),
             bin: None,
+            folded: None,
             persistence: config.persistence(),
+            share: config.persistence_share(),
             only_last: matches!(config.model(), CellModel::LastObservation),
         };
         match config.model() {
             CellModel::Fremen { candidates, .. } => moment.phasors = phasors(candidates, time),
             CellModel::Histogram { period, num_bins } => {
                 moment.bin = Some((bin_of(time, *period, *num_bins), *num_bins));
+            }
+            CellModel::Folded {
+                candidates,
+                num_bins,
+            } => {
+                let bins = (0..candidates.len())
+                    .map(|k| bin_of_phase(phase(candidates, k, time), *num_bins));
+                moment.folded = Some((bins.collect(), *num_bins));
             }
             CellModel::Mean | CellModel::LastObservation => {}
         }
@@ -212,7 +229,7 @@ impl TileModel {
         let weight = if moment.only_last {
             1.0
         } else if moment.persistence != Persistence::None {
-            exp_of_negative(self.age_s[i] + self.elapsed_s(moment), self.rate[i])
+            moment.share * exp_of_negative(self.age_s[i] + self.elapsed_s(moment), self.rate[i])
         } else {
             0.0
         };
@@ -251,7 +268,7 @@ impl TileModel {
             Persistence::Surprise => {
                 let cells = out.iter_mut().zip(&self.rate).zip(&self.age_s);
                 for (((p, &rate), &age_s), &surprise) in cells.zip(&self.surprise) {
-                    let weight = exp_of_negative(elapsed_s + age_s, rate);
+                    let weight = moment.share * exp_of_negative(elapsed_s + age_s, rate);
                     *p = (*p + surprise * weight).clamp(0.0, 1.0);
                 }
                 return;
@@ -264,7 +281,7 @@ impl TileModel {
             .zip(&self.age_s)
             .zip(&self.occupied);
         for (((p, &rate), &age_s), &occupied) in cells {
-            let weight = exp_of_negative(elapsed_s + age_s, rate);
+            let weight = moment.share * exp_of_negative(elapsed_s + age_s, rate);
             *p += (occupied - *p) * weight;
         }
     }
@@ -284,6 +301,14 @@ impl TileModel {
         out.clear();
         if let Some((bin, num_bins)) = moment.bin {
             out.extend(self.bins.iter().skip(bin).step_by(num_bins));
+            return;
+        }
+        if let Some((bins, num_bins)) = &moment.folded {
+            let cells = self.bins.chunks_exact(*num_bins).enumerate();
+            out.extend(cells.map(|(cell, of_cell)| {
+                let k = self.terms.get(cell).map_or(0, |term| usize::from(term.k));
+                of_cell[bins[k]]
+            }));
             return;
         }
         out.extend_from_slice(&self.mean);

@@ -94,7 +94,8 @@ impl Boxes {
     /// As [`GridSpec::new_2d`].
     pub fn spec(&self, resolution_m: f64) -> Result<GridSpec> {
         let size = ((SIDE_M + 1.0) / resolution_m).ceil() as u32;
-        let corner = -0.5 - 0.5 * resolution_m;
+        // Walls lie in the middle of cells: at an edge, rounding would say in which one.
+        let corner = -((0.5 / resolution_m).ceil() + 0.5) * resolution_m;
         GridSpec::new_2d([corner, corner], resolution_m, [size, size])
     }
 

@@ -3,8 +3,10 @@
 use std::fs;
 use std::path::Path;
 
-use fremen_grid::exchange::{MapMode, MapServerMap};
-use fremen_grid::{ErrorKind, GridSpec, OccupancyMap};
+use fremen_grid::exchange::{
+    MapMode, MapServerMap, read_octomap, read_points, write_octomap, write_points,
+};
+use fremen_grid::{ErrorKind, GridSpec, OccupancyMap, Thresholds};
 use proptest::prelude::*;
 
 const MODES: [MapMode; 3] = [MapMode::Trinary, MapMode::Scale, MapMode::Raw];
@@ -224,4 +226,41 @@ fn a_map_never_replaces_what_is_no_map() {
     let solid = GridSpec::new_3d([0.0; 3], 0.1, [2, 1, 1]).unwrap();
     assert!(MapServerMap::from_map(&OccupancyMap::new_unknown(solid)).is_err());
     assert!(MapServerMap::new(spec, vec![0, 101]).is_err());
+}
+
+#[test]
+fn trees_that_octomap_itself_has_written_are_read_and_written_again_byte_by_byte() {
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
+    let map = read_octomap(golden.join("octomap.bt")).unwrap();
+    assert_eq!(map.spec().resolution_m(), 0.25);
+    // What OctoMap 1.9.7 says of each known voxel.
+    let voxels = read_points(golden.join("octomap.csv")).unwrap();
+    assert_eq!(voxels.len(), 816);
+    for voxel in &voxels {
+        let cell = map.spec().cell_at(voxel.at_m).unwrap();
+        assert_eq!(map.get(map.spec().index(cell)), Some(voxel.p), "{voxel:?}");
+    }
+    let known = map.probabilities().iter().filter(|p| !p.is_nan()).count();
+    assert_eq!(known, voxels.len());
+    let dir = folder();
+    let path = dir.path().join("again.bt");
+    write_octomap(&map, Thresholds::default(), &path, &[]).unwrap();
+    assert_eq!(
+        fs::read(&path).unwrap(),
+        fs::read(golden.join("octomap.bt")).unwrap()
+    );
+}
+
+#[test]
+fn a_tree_does_not_replace_another_file() {
+    let dir = folder();
+    let path = dir.path().join("notes.bt");
+    fs::write(&path, "mine").unwrap();
+    let spec = GridSpec::new_3d([0.0; 3], 0.5, [2, 2, 2]).unwrap();
+    let map = OccupancyMap::new_unknown(spec);
+    assert!(write_octomap(&map, Thresholds::default(), &path, &[]).is_err());
+    assert!(write_points(&map, 0.5, &path, &[]).is_err());
+    assert_eq!(fs::read(&path).unwrap(), b"mine");
+    assert!(read_octomap(&path).is_err());
+    assert!(read_points(&path).is_err());
 }

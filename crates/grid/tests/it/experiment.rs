@@ -1,13 +1,15 @@
 //! Do the experiments give what the documentation says of them?
 
 use fremen_grid::experiment::{
-    BoxesConfig, CarmenConfig, Corruption, JourneysConfig, PassesConfig, QuarantineConfig, boxes,
-    carmen, journeys, passes, quarantine,
+    BoxesConfig, CarmenConfig, Corruption, InjectedConfig, JourneysConfig, PassesConfig,
+    QuarantineConfig, boxes, carmen, injected, journeys, passes, quarantine,
 };
+use fremen_grid::pose::{Pose2, wrap};
+use fremen_grid::random::Random;
 use fremen_grid::registration::GuardConfig;
-use fremen_grid::scan::{CarmenLog, read_carmen};
-use fremen_grid::simulation::{BoxPeriods, Layout};
-use fremen_grid::{ErrorKind, Result};
+use fremen_grid::scan::{CarmenLog, CarmenScan, read_carmen};
+use fremen_grid::simulation::{BoxPeriods, Laser, Layout, Scene};
+use fremen_grid::{ErrorKind, Result, Time};
 
 #[test]
 fn predicted_maps_serve_as_well_as_the_truth_and_better_than_the_night() -> Result<()> {
@@ -114,22 +116,94 @@ fn boxes_with_known_periods_are_foreseen() -> Result<()> {
         duration_s: 3_000,
         warm_up_s: 2_400,
         resolution_m: 0.2,
+        every: 3,
         ..BoxesConfig::default()
     };
     let report = boxes(&config)?;
     assert_eq!(report, boxes(&config)?);
-    let [rhythms, persistent, _, last, averaged] = report.counts;
-    assert_eq!(report.worlds.len(), 1);
-    // 83.8 % and 82.7 % are reached. In fifty minutes the longest boxes have come and gone twice, and
-    // two rhythms of a cell round off the edges of its square wave; what is missed is at these edges.
-    assert!(rhythms.recall() > 0.83, "{rhythms:?}");
-    assert!(persistent.recall() > 0.82, "{persistent:?}");
-    assert!(rhythms.recall() > last.recall(), "{rhythms:?} {last:?}");
+    let [rhythms, persistent, _, folded, last, averaged, truth] = report.counts;
+    assert_eq!((report.worlds.len(), report.over_time.len()), (1, 1));
+    // Two rhythms of a cell round off the edges of its square wave; its phase histogram does not.
+    let [even, careful] = folded;
+    assert!(even.recall() > rhythms[0].recall(), "{even:?} {rhythms:?}");
+    assert!(careful.recall() > 0.9, "{careful:?}");
+    for other in [rhythms[0], persistent[0], last[0], averaged[0]] {
+        assert!(careful.recall() > other.recall(), "{careful:?} {other:?}");
+    }
     assert!(
-        persistent.accuracy() > averaged.accuracy(),
+        careful.accuracy() > last[0].accuracy(),
+        "{careful:?} {last:?}"
+    );
+    assert!(
+        persistent[0].accuracy() > averaged[0].accuracy(),
         "{persistent:?} {averaged:?}"
     );
-    assert_eq!(persistent.num_obstacles, last.num_obstacles);
+    assert!(truth[0].recall() > 0.98, "{truth:?}");
+    assert_eq!(even.num_obstacles, last[0].num_obstacles);
+    Ok(())
+}
+
+/// Scans from a way round the middle of a room of 12 x 8 m.
+fn room() -> Result<CarmenLog> {
+    let mut walls = Scene::default();
+    walls.add_box([0.0, 0.0], [12.0, 8.0]);
+    walls.add_box([5.0, 3.5], [7.0, 4.5]);
+    let laser = Laser {
+        num_beams: 181,
+        dropout: 0.0,
+        ..Laser::default()
+    };
+    let mut random = Random::stream(3, &[7]);
+    let scans = (0..720).map(|number| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(number) / 120.0).sin_cos();
+        let heading = wrap(0.4 * f64::from(number));
+        let pose = Pose2::new(6.0 + 2.2 * cos, 4.0 + 1.6 * sin, heading);
+        Ok(CarmenScan {
+            time: Time::from_s(i64::from(number)),
+            pose,
+            odometry: pose,
+            scan: laser.scan(&walls, &pose, &mut random)?,
+        })
+    });
+    Ok(CarmenLog {
+        scans: scans.collect::<Result<_>>()?,
+        ..CarmenLog::default()
+    })
+}
+
+#[test]
+fn boxes_that_are_put_into_scans_are_found_as_quarantine_or_as_a_rhythm() -> Result<()> {
+    let config = InjectedConfig {
+        carmen: CarmenConfig {
+            resolution_m: 0.1,
+            ..CarmenConfig::default()
+        },
+        num_patrols: 56,
+        num_daily: 3,
+        num_sudden: vec![8],
+        ..InjectedConfig::default()
+    };
+    let report = injected(&room()?, &config)?;
+    let sudden = report.sudden[0];
+    assert!(sudden.num_changed >= 6, "{sudden:?}");
+    assert_eq!(sudden.num_changed_held, sudden.num_changed, "{sudden:?}");
+    assert!(sudden.num_unchanged_held <= 1, "{sudden:?}");
+    let daily = report.daily;
+    assert!(daily.num_there > 100 && daily.num_gone > 100, "{daily:?}");
+    let [.., folded, last] = daily.num_there_foreseen;
+    assert!(
+        10 * folded > 8 * daily.num_there && 5 * last < 4 * folded,
+        "{daily:?}"
+    );
+    assert!(
+        10 * daily.num_gone_foreseen[3] > 9 * daily.num_gone,
+        "{daily:?}"
+    );
+    assert!(10 * daily.num_of_a_day > 8 * daily.num_cells, "{daily:?}");
+    assert!(report.moved.believed_after < 5, "{:?}", report.moved);
+    assert!(10 * report.moved.num_there_foreseen > 8 * report.moved.num_there);
+    assert_eq!(report.seen.len(), config.num_patrols);
+    assert!(report.pictures.len() >= 6);
     Ok(())
 }
 

@@ -7,7 +7,7 @@ use fremen_grid::{
 };
 use proptest::prelude::*;
 
-use crate::twin::{Seen, arb_seen, predict, series};
+use crate::twin::{Seen, arb_seen, folded, predict, series};
 
 fn arb_config() -> impl Strategy<Value = GridConfig> {
     let day = Period::DAY;
@@ -48,6 +48,33 @@ fn grid(spec: GridSpec, seen: &[Seen], config: &GridConfig) -> TemporalGrid {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(96))]
+
+    #[test]
+    fn a_folded_cell_is_what_its_observations_say_of_its_strongest_period(
+        (spec, seen) in arb_seen(40),
+        levels in 0_u32..4,
+        hour in -10_i64..200,
+    ) {
+        let candidates = CandidatePeriods::harmonic(Period::DAY, 5).unwrap();
+        let num_bins = 6 << levels;
+        let model = CellModel::Folded { candidates, num_bins };
+        let config = GridConfig::new(model).unwrap().with_persistence(false).with_guards(false);
+        // Full hours are edges of parts, on either side of which rounding may put them.
+        let off_us = 433_000_000;
+        let seen: Vec<Seen> = seen.into_iter().map(|it| Seen { us: it.us + off_us, ..it }).collect();
+        let mut grid = grid(spec, &seen, &config);
+        let time = Time::from_us(hour * 3_600_000_000 + off_us);
+        let fitted = grid.fitted();
+        for index in 0..spec.num_cells() {
+            let cell = spec.cell(index);
+            let all = series(&seen, cell);
+            if let Some((period_s, _)) = fitted.strongest_rhythm(cell) {
+                let expected = folded(&all, period_s, num_bins, time);
+                let found = fitted.p(cell, time).unwrap();
+                prop_assert!((found - expected).abs() < 1e-5, "{:?}: {} {}", cell, found, expected);
+            }
+        }
+    }
 
     #[test]
     fn a_map_is_what_the_dense_twin_predicts(

@@ -114,6 +114,50 @@ pub(crate) fn predict(series: &[(Time, bool)], config: &GridConfig, time: Time) 
     })
 }
 
+/// f(t) of a cell that is folded over this period: the histogram with the largest evidence among those
+/// of one part and of 6, 12, 24 ... up to `num_bins`.
+pub(crate) fn folded(series: &[(Time, bool)], period_s: f64, num_bins: usize, time: Time) -> f64 {
+    let part = |time: Time, num: usize| {
+        let turns = time.as_s() / period_s;
+        ((turns - turns.floor()) * num as f64) as usize
+    };
+    let counts = |num: usize| {
+        let mut counts = vec![[0.0; 2]; num];
+        for (time, state) in series {
+            counts[part(*time, num)][usize::from(*state)] += 1.0;
+        }
+        counts
+    };
+    let ln_factorial = |n: f64| (2..=n as u32).map(|it| f64::from(it).ln()).sum::<f64>();
+    let evidence = |num: usize| {
+        let parts = counts(num).into_iter();
+        let logs = parts.map(|[free, occupied]| {
+            ln_factorial(free) + ln_factorial(occupied) - ln_factorial(free + occupied + 1.0)
+        });
+        logs.sum::<f64>()
+    };
+    let mut best = (evidence(1), 1);
+    let mut num = 6;
+    while num <= num_bins {
+        let found = evidence(num);
+        if found > best.0 + 1e-9 {
+            best = (found, num);
+        }
+        num *= 2;
+    }
+    let counts = counts(best.1);
+    let mean = series.iter().filter(|it| it.1).count() as f64 / series.len() as f64;
+    let at = part(time, best.1);
+    let around = (1..=best.1 / 2).find_map(|distance| {
+        let a = counts[(at + distance) % best.1];
+        let b = counts[(at + best.1 - distance) % best.1];
+        let known: f64 = a.iter().chain(&b).sum();
+        (known > 0.0).then(|| (a[1] + b[1] + mean) / (known + 1.0))
+    });
+    let [free, occupied] = counts[at];
+    (occupied + around.unwrap_or(mean)) / (free + occupied + 1.0)
+}
+
 /// f(t) of a cell that was seen in both states, with this mean.
 fn periodic(series: &[(Time, bool)], config: &GridConfig, mean: f64, time: Time) -> f64 {
     let num = series.len() as f64;

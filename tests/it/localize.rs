@@ -265,7 +265,7 @@ fn snapshot_without_last() -> (Arc<Snapshot>, PlaceKey) {
 
 #[test]
 fn places_of_the_map_are_located_and_others_are_not() {
-    let cfg = LocalizerConfig::default().with_off_map(0.5).with_risk(0.1);
+    let cfg = LocalizerConfig::default().with_off_map(0.5).with_risk(0.2);
     let whole = Localizer::new(snapshot(Preset::Default), cfg.clone()).expect("map fits");
     let (part, unknown) = snapshot_without_last();
     let part = Localizer::new(part, cfg).expect("map fits");
@@ -285,11 +285,11 @@ fn places_of_the_map_are_located_and_others_are_not() {
                 .expect("fits");
             foreign += 1;
             accepted += usize::from(matches!(found.decision, Decision::At(_)));
-            assert!(found.off_map > 0.1, "{}", found.reason);
+            assert!(found.off_map > 0.2, "{}", found.reason);
         }
     }
     // Ten visits a place are few: an even prior for being off the map leaves some undecided.
-    assert!(located * 3 >= natives * 2, "{located} of {natives}");
+    assert!(located * 4 >= natives * 3, "{located} of {natives}");
     assert_eq!(accepted, 0, "of {foreign} foreign images");
 }
 

@@ -98,7 +98,10 @@ impl Finder {
     fn num_predicted(snapshot: &Snapshot, cfg: &LocalizerConfig) -> usize {
         match cfg.selection() {
             Selection::Top(n) => (snapshot.nodes().iter())
-                .map(|node| cfg.num_predicted(n.get(), node.log().num_visits()))
+                .map(|node| {
+                    let wanted = cfg.num_predicted(n.get(), node.log().num_visits());
+                    wanted.min(node.features().len())
+                })
                 .sum(),
             Selection::Threshold(_) => snapshot.nodes().iter().map(|it| it.features().len()).sum(),
         }

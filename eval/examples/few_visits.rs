@@ -32,7 +32,7 @@ struct Image {
     size: (u32, u32),
 }
 
-struct Images {
+struct Series {
     images: Vec<Image>,
     has_clock: bool,
     num_visits: usize,
@@ -58,7 +58,7 @@ fn main() -> Result<()> {
         .get(1)
         .map_or(Ok(50), |n| n.parse())
         .context("N is a number")?;
-    let (images, foreign) = (Images::read(folder)?, Images::read(other)?);
+    let (images, foreign) = (Series::read(folder)?, Series::read(other)?);
     println!("visits  queries  right %  of these located %  wrong located  foreign located %");
     for visits in visits.split(',') {
         let visits: usize = visits.parse().context("K is a number")?;
@@ -77,7 +77,7 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-impl Images {
+impl Series {
     fn read(folder: &str) -> Result<Self> {
         let dataset = Dataset::open(Path::new(folder))?;
         let num_features = LearnConfig::default().features_per_visit();
@@ -96,7 +96,7 @@ impl Images {
                 })
             })
             .collect::<Result<Vec<_>>>()?;
-        images.sort_by(|a, b| a.entry.time.cmp(&b.entry.time));
+        images.sort_by_key(|image| image.entry.time);
         let mut seen = BTreeMap::new();
         for image in &mut images {
             let count = seen.entry(image.entry.place.clone()).or_insert(0);
@@ -110,7 +110,7 @@ impl Images {
     }
 }
 
-fn run(images: &Images, foreign: &Images, visits: usize, n: usize) -> Result<Counts> {
+fn run(images: &Series, foreign: &Series, visits: usize, n: usize) -> Result<Counts> {
     let mut total = Counts::default();
     let leaves_one_out = visits + 1 == images.num_visits;
     let num_starts = if leaves_one_out {
@@ -119,9 +119,12 @@ fn run(images: &Images, foreign: &Images, visits: usize, n: usize) -> Result<Cou
         (images.num_visits + 1).saturating_sub(visits)
     };
     for start in 0..num_starts {
-        let is_learnt = |image: &&Image| match leaves_one_out {
-            true => image.visit != start,
-            false => (start..start + visits).contains(&image.visit),
+        let is_learnt = |image: &&Image| {
+            if leaves_one_out {
+                image.visit != start
+            } else {
+                (start..start + visits).contains(&image.visit)
+            }
         };
         let localizer = learn(images, n, is_learnt)?;
         let queries = images.images.iter().filter(|it| !is_learnt(it));
@@ -139,7 +142,7 @@ fn run(images: &Images, foreign: &Images, visits: usize, n: usize) -> Result<Cou
     Ok(total)
 }
 
-fn learn(images: &Images, n: usize, is_learnt: impl Fn(&&Image) -> bool) -> Result<Localizer> {
+fn learn(images: &Series, n: usize, is_learnt: impl Fn(&&Image) -> bool) -> Result<Localizer> {
     let extractor = StarBrief::new(StarBriefConfig::default())?;
     // Coarse times must not make one stay of several visits.
     let learn = LearnConfig::default().with_stay_gap_s(0);

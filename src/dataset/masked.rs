@@ -64,13 +64,10 @@ impl ImageSource for Masked {
 
     fn recipe(&self) -> String {
         let digest = Sha256::digest(self.mask.data());
-        let digits: String = digest
-            .iter()
-            .take(8)
-            .map(|it| format!("{it:02x}"))
-            .collect();
+        let first = digest.iter().take(8);
+        let number = first.fold(0_u64, |number, &byte| number << 8 | u64::from(byte));
         let inner = self.inner.recipe();
         let between = if inner.is_empty() { "" } else { ", then " };
-        format!("{inner}{between}mask {digits}")
+        format!("{inner}{between}mask {number:016x}")
     }
 }

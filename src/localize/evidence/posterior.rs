@@ -292,9 +292,12 @@ impl PosteriorCalibration {
 /// A score as it enters the posterior, and the log odds of an image in which nothing of the place
 /// is found: log odds beyond what any image can prove count as that.
 pub(in crate::localize) fn as_evidence(score: Score, value: f64, of_nothing: f64) -> PlaceEvidence {
-    let bounded = |value: f64| match value > LARGE_LOG_ODDS {
-        true => LARGE_LOG_ODDS + SLOPE_BEYOND * (value - LARGE_LOG_ODDS),
-        false => value.max(-LARGE_LOG_ODDS),
+    let bounded = |value: f64| {
+        if value > LARGE_LOG_ODDS {
+            LARGE_LOG_ODDS + SLOPE_BEYOND * (value - LARGE_LOG_ODDS)
+        } else {
+            value.max(-LARGE_LOG_ODDS)
+        }
     };
     match score {
         Score::Count | Score::Inliers => PlaceEvidence {

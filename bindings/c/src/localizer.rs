@@ -78,7 +78,8 @@ pub unsafe extern "C" fn chronotope_localizer_open(
     guarded(|| {
         let path = Path::new(text(path)?);
         let localizer = Localizer::open_with(path, config(path, risk)?, IndexCache::default())?;
-        let extractor = ExtractorConfig::from_id(&localizer.snapshot().meta().extractor)?.build()?;
+        let extractor =
+            ExtractorConfig::from_id(&localizer.snapshot().meta().extractor)?.build()?;
         let names = names_of(localizer.snapshot());
         boxed(
             out,

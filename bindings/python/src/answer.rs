@@ -98,7 +98,8 @@ impl Told {
             [keypoint.x, keypoint.y]
         };
         if let Some(visit) = candidate.appearance {
-            let appearance = (node.visits().get(visit as usize)).and_then(|it| it.appearance.clone());
+            let appearance =
+                (node.visits().get(visit as usize)).and_then(|it| it.appearance.clone());
             let Some(features) = appearance else {
                 return Vec::new();
             };

@@ -18,7 +18,7 @@ pub struct ShownMap {
 /// Where numbers come from.
 #[derive(Debug, Args)]
 pub struct ConfigArgs {
-    /// TOML with the tables [learn] and [localize]; a key that is given replaces the preset's, a
+    /// TOML with the tables `[learn]` and `[localize]`; a key that is given replaces the preset's, a
     /// table in it as a whole.
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,

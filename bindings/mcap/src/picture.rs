@@ -168,7 +168,7 @@ fn unknown(encoding: &str) -> Error {
 mod tests {
     use super::*;
 
-    fn image<'a>(encoding: &str, step: u32, data: &'a [u8]) -> RawImage<'a> {
+    fn image<'a>(encoding: &'a str, step: u32, data: &'a [u8]) -> RawImage<'a> {
         RawImage {
             height: 2,
             width: 2,

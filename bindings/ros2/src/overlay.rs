@@ -10,18 +10,34 @@ use crate::messages::{Header, Image};
 
 /// Pixels from the middle of a cross to its ends.
 const ARM_PX: i64 = 4;
+/// A picture has at most so many bytes: what is larger than a socket's usual buffer (208 KiB on
+/// Linux) does not come whole to those who listen with best effort.
+const MAX_BYTES: usize = 200_000;
 
-/// The image in colour with the features of an answer.
+/// The image in colour with the features of an answer, with every k-th pixel of every k-th row where
+/// it would be too large.
 pub(crate) fn draw(image: &GrayImage, answer: &Answer<'_>, header: Header) -> Image {
-    let (width, height) = (image.width(), image.height());
-    let mut data: Vec<u8> = image.data().iter().flat_map(|&it| [it; 3]).collect();
+    let bytes_of = |step: usize| 3 * image.width().div_ceil(step) * image.height().div_ceil(step);
+    let mut step_px = 1;
+    while bytes_of(step_px) > MAX_BYTES {
+        step_px += 1;
+    }
+    let (width, height) = (
+        image.width().div_ceil(step_px),
+        image.height().div_ceil(step_px),
+    );
+    let mut data: Vec<u8> = (0..image.height())
+        .step_by(step_px)
+        .flat_map(|y| image.row(y).iter().step_by(step_px))
+        .flat_map(|&it| [it; 3])
+        .collect();
     for ([x, y], state) in answer.predicted() {
         let colour = match state {
             State::Inlier => [26, 204, 51],
             State::Outlier => [255, 153, 0],
             State::Missing => [230, 26, 26],
         };
-        let (x, y) = (x.round() as i64, y.round() as i64);
+        let [x, y] = [x, y].map(|it| (it / step_px as f64).round() as i64);
         for step in -ARM_PX..=ARM_PX {
             for (x, y) in [(x + step, y), (x, y + step)] {
                 let is_inside = (0..width as i64).contains(&x) && (0..height as i64).contains(&y);

@@ -210,7 +210,7 @@ pub(crate) fn xy_of<'py>(py: Python<'py>, keypoints: &[Keypoint]) -> Result<Boun
 /// Sources: M. Agrawal, K. Konolige, M. R. Blas: CenSurE, ECCV 2008; M. Calonder et al.: BRIEF, ECCV
 /// 2010.
 #[pyfunction]
-#[pyo3(signature = (image, *, n=300, mask=None, bgr=false))]
+#[pyo3(signature = (image, *, n=600, mask=None, bgr=false))]
 pub(crate) fn extract(
     py: Python<'_>,
     image: PixelsLike<'_>,

@@ -64,7 +64,7 @@ def test_images_of_any_kind_have_one_answer(
     path.write_bytes(b"P5 448 384 255\n" + image.tobytes())
     colour = np.repeat(image[..., None], 3, axis=2)
     features = localizer.extract(image)
-    assert len(features) == 300 and features == chronotope.extract(image)
+    assert len(features) == 600 and features == chronotope.extract(image)
     expected = localizer.localize(image, time).to_dict()
     for other in (colour, pil.fromarray(image), features):
         assert localizer.localize(other, time).to_dict() == expected

@@ -956,7 +956,7 @@ def exif_time(path: PathLike) -> MaybeMoment:
     When an image was taken, by its EXIF data; None if they say nothing with an offset.
     """
 
-def extract(image: PixelsLike, *, n: SupportsIndex = 300, mask: MaskLike | None = None, bgr: bool = False) -> Features:
+def extract(image: PixelsLike, *, n: SupportsIndex = 600, mask: MaskLike | None = None, bgr: bool = False) -> Features:
     """
     The features of an image.
 

@@ -20,7 +20,7 @@ def features(query: tuple[np.ndarray, object, str]) -> chronotope.Features:
 
 def test_shapes_and_types_are_what_the_documentation_says(features: chronotope.Features) -> None:
     n = len(features)
-    assert 50 < n <= 500
+    assert 50 < n <= 600
     assert features.xy.shape == (n, 2) and features.xy.dtype == np.float32
     assert features.descriptors.shape == (n, 32) and features.descriptors.dtype == np.uint8
     assert features.size.shape == features.response.shape == (n,)

@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use crate::matching::{Direction, MatchConfig, VoteConfig};
-use crate::predict::{Choice, Selection};
+use crate::predict::{Choice, ReferenceVisits, Selection, weak_features};
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
-use fremen::visibility::VisibilityConfig;
+use fremen::visibility::{HistoryLog, VisibilityConfig, Visits};
 
 /// An answer may be wrong one time in twenty.
 const RISK: f64 = 0.05;
@@ -232,6 +232,7 @@ struct Fields {
     many_visits: u32,
     settled_visits: u32,
     settled_live_features: usize,
+    settled_features_per_visit: usize,
     choice: Choice,
     calibrated: bool,
     without: Vec<EvidencePart>,
@@ -286,6 +287,7 @@ impl LocalizerConfig {
                 many_visits: 1,
                 settled_visits: 20,
                 settled_live_features: 0,
+                settled_features_per_visit: 0,
                 choice: Choice::Likeliest,
                 calibrated: false,
                 without: Vec::new(),
@@ -305,6 +307,7 @@ impl LocalizerConfig {
                 many_visits: 10,
                 settled_visits: 20,
                 settled_live_features: 300,
+                settled_features_per_visit: 200,
                 choice: Choice::Covering,
                 calibrated: true,
                 without: Vec::new(),
@@ -379,13 +382,16 @@ impl LocalizerConfig {
         self
     }
 
-    /// Once every place of a map has so many visits, only the strongest `num_features` of a live
-    /// image take part: the features that last are known by then, and they are among the strongest.
-    /// With 0 features, all of them always do.
+    /// What lasts of a place that has so many visits is known, and is among the strongest features
+    /// of an image: of those born at its first `num_visits` visits, a covering choice takes only the
+    /// strongest `per_visit` of each ([`weak_features`](crate::predict::weak_features)); and once
+    /// every place of a map is settled, only the strongest `num_live` of a live image take part.
+    /// With 0 of either, all do.
     #[must_use]
-    pub fn with_settled(mut self, num_visits: u32, num_features: usize) -> Self {
+    pub fn with_settled(mut self, num_visits: u32, per_visit: usize, num_live: usize) -> Self {
         self.0.settled_visits = num_visits;
-        self.0.settled_live_features = num_features;
+        self.0.settled_features_per_visit = per_visit;
+        self.0.settled_live_features = num_live;
         self
     }
 
@@ -478,6 +484,23 @@ impl LocalizerConfig {
     /// From how many visits on a place is predicted by n features, and not by more.
     pub fn many_visits(&self) -> u32 {
         self.0.many_visits
+    }
+
+    /// Who vouches for the features of a place, and which may not be chosen, as far as these visits
+    /// tell.
+    pub(super) fn references(
+        &self,
+        log: &HistoryLog,
+        visits: Visits<'_>,
+    ) -> Result<ReferenceVisits> {
+        let settled = self.0.settled_visits as usize;
+        let references = ReferenceVisits::of(log, visits)?;
+        Ok(match self.0.settled_features_per_visit {
+            per_visit if per_visit > 0 && log.num_visits() >= settled => {
+                references.leaving_out(weak_features(log, settled, per_visit))
+            }
+            _ => references,
+        })
     }
 
     /// How many of the strongest features of a live image take part in a map whose places have so

@@ -51,7 +51,6 @@ use crate::map::{
     SnapshotParts, Stamp, Visit, VisitId,
 };
 use crate::matching::BinaryWords;
-use crate::predict::ReferenceVisits;
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::file::{self, OutputFile, OutputKind};
 use fremen::time::{Time, Zone};
@@ -647,7 +646,7 @@ impl<'a> Reader<'a> {
         let plan = if cfg.method().predicts() {
             Plan::Predicted {
                 model: self.model(node.features().len())?,
-                references: ReferenceVisits::of(node.log(), Visits::All).ok()?,
+                references: cfg.references(node.log(), Visits::All).ok()?,
             }
         } else {
             Plan::of(&node, cfg, zone).ok()?

@@ -225,7 +225,7 @@ impl Plan {
         Ok(match cfg.method() {
             Method::Static | Method::Fremen | Method::Fused => Self::Predicted {
                 model: fit(&cfg.model(), node.log())?,
-                references: ReferenceVisits::of(node.log(), Visits::All)?,
+                references: cfg.references(node.log(), Visits::All)?,
             },
             Method::ExperienceAll => Self::Appearances {
                 visits: kept(None),
@@ -298,7 +298,7 @@ impl Plan {
                 model: visibility::in_zone(zone, node.log(), |log| {
                     visibility::fit(log, &cfg.model(), Visits::Only(rest))
                 })?,
-                references: ReferenceVisits::of(node.log(), Visits::Only(rest))?,
+                references: cfg.references(node.log(), Visits::Only(rest))?,
             },
             // Which appearances are likely is not learnt again.
             Self::Appearances { visits, .. } => Self::Appearances {

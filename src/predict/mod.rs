@@ -13,6 +13,9 @@
 //! visits is then predicted without snow only. [`Choice::Covering`] takes features in turn so that
 //! every past appearance of the place keeps some ([`PredictedMap::predict_covering`]).
 //!
+//! Of a place that has been seen often, the features that last are known, and they are among the
+//! strongest of an image: weak ones need not be chosen any more ([`weak_features`]).
+//!
 //! Not for choosing by what tells this place from others: that needs the other places.
 
 mod predicted_map;
@@ -20,5 +23,5 @@ mod reference_visits;
 mod selection;
 
 pub use predicted_map::{GOOD_ENOUGH, PredictedMap};
-pub use reference_visits::ReferenceVisits;
+pub use reference_visits::{ReferenceVisits, weak_features};
 pub use selection::{Choice, Selection};

@@ -101,7 +101,7 @@ impl PredictedMap {
     ///
     /// Buffers are reused: no allocation once they have grown to the place's size.
     pub fn predict(&mut self, model: &dyn VisibilityModel, time: Time, selection: Selection) {
-        self.shortlist(model, time, selection);
+        self.shortlist(model, time, selection, |_| true);
         self.order_by_likelihood();
     }
 
@@ -113,16 +113,23 @@ impl PredictedMap {
     }
 
     /// Leaves the keys of the selected features in `keys`, in any order.
-    fn shortlist(&mut self, model: &dyn VisibilityModel, time: Time, selection: Selection) {
+    fn shortlist(
+        &mut self,
+        model: &dyn VisibilityModel,
+        time: Time,
+        selection: Selection,
+        may_be_chosen: impl Fn(usize) -> bool,
+    ) {
         self.similarity.clear();
         self.scores.clear();
         self.scores.resize(model.num_features(), 0.0);
         model.score_into(time, &mut self.scores);
         self.keys.clear();
+        let keys = keys(&self.scores).filter(|&(_, id)| may_be_chosen(id as usize));
         match selection {
             Selection::Top(n) => {
                 let n = n.get();
-                self.keys.extend(keys(&self.scores));
+                self.keys.extend(keys);
                 if n < self.keys.len() {
                     self.keys.select_nth_unstable(n);
                     self.keys.truncate(n);
@@ -131,7 +138,7 @@ impl PredictedMap {
             Selection::Threshold(p) => {
                 let scores = &self.scores;
                 self.keys
-                    .extend(keys(scores).filter(|&(_, id)| scores[id as usize] >= p));
+                    .extend(keys.filter(|&(_, id)| scores[id as usize] >= p));
             }
         }
     }
@@ -150,7 +157,7 @@ impl PredictedMap {
     /// Fisher 1978.) A feature that no reference visit saw is discounted like the mean over all
     /// visits.
     ///
-    /// The 1200 most likely features take part; under [`Selection::Threshold`], which keeps all
+    /// The 1200 most likely features take part, but for those that `references` leave out; under [`Selection::Threshold`], which keeps all
     /// that reach it, nothing is chosen and the order is by likelihood. The choice for a smaller n
     /// is the beginning of that for a larger one.
     ///
@@ -203,7 +210,8 @@ impl PredictedMap {
             Selection::Top(n) => Selection::at_least_one(COVERING_POOL.max(n.get())),
             all @ Selection::Threshold(_) => all,
         };
-        self.shortlist(model, time, selection);
+        let may_be_chosen = |feature| references.may_be_chosen(feature);
+        self.shortlist(model, time, selection, may_be_chosen);
     }
 
     /// Chooses from `keys`.

@@ -11,7 +11,7 @@
 //! Not for histories: times are not kept.
 
 use fremen::error::Result;
-use fremen::visibility::{HistoryLog, Visits};
+use fremen::visibility::{BitRow, HistoryLog, Visits};
 
 /// No visit counts less than this share of the likeliest, so that none is ruled out.
 const MIN_SIMILARITY: f64 = 1e-3;
@@ -21,6 +21,8 @@ const MIN_SIMILARITY: f64 = 1e-3;
 pub struct ReferenceVisits {
     seen: Vec<u64>,
     num_visits: usize,
+    /// Features that may not be chosen; none where empty.
+    left_out: BitRow,
 }
 
 impl ReferenceVisits {
@@ -41,7 +43,21 @@ impl ReferenceVisits {
         Ok(Self {
             seen,
             num_visits: count,
+            left_out: BitRow::default(),
         })
+    }
+
+    /// A covering choice may not take these features, as the weak ones of a place
+    /// ([`weak_features`]); one bit a feature, or no bits for none.
+    #[must_use]
+    pub fn leaving_out(mut self, weak: BitRow) -> Self {
+        self.left_out = weak;
+        self
+    }
+
+    /// Whether a covering choice may take a feature of the place.
+    pub fn may_be_chosen(&self, feature: usize) -> bool {
+        self.left_out.is_empty() || !self.left_out.get(feature)
     }
 
     /// How likely each visit's appearance is now, against the likeliest: `(m_v / max m)^2`, where
@@ -85,11 +101,32 @@ impl ReferenceVisits {
     }
 }
 
+/// The features of a place that were not among the `per_visit` strongest of the image that they were
+/// born of, at one of the first `num_visits` visits; of each feature, one bit.
+///
+/// Features are born in the order of their strength, those of one visit together. How many features
+/// the image had is not kept, but those that it showed are: with `b` born of `s` seen, the strongest
+/// `b * per_visit / s` (rounded up) of them are taken for strong. So an image of few features has no
+/// weak ones. Cost: O(features).
+pub fn weak_features(log: &HistoryLog, num_visits: usize, per_visit: usize) -> BitRow {
+    let mut weak = BitRow::zeros(log.num_features());
+    let mut first = 0;
+    for visit in 0..log.num_visits().min(num_visits) {
+        let seen = log.seen_row(visit);
+        let num_born = seen.len() - first;
+        let num_strong = (num_born * per_visit).div_ceil(seen.count_ones().max(1));
+        for feature in (first + num_strong.min(num_born))..seen.len() {
+            weak.set(feature);
+        }
+        first = seen.len();
+    }
+    weak
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use fremen::time::Time;
-    use fremen::visibility::BitRow;
 
     fn log(num_visits: usize) -> HistoryLog {
         let mut log = HistoryLog::new();
@@ -136,5 +173,39 @@ mod tests {
         mask.set(2);
         let references = ReferenceVisits::of(&log(3), Visits::Only(&mask)).expect("fits");
         assert_eq!(references.seen(), [0, 0, 1]);
+    }
+    /// Of the features born at each visit, as many as `born` says, all are seen there; of older ones
+    /// the first `again`.
+    fn births(visits: &[(usize, usize)]) -> HistoryLog {
+        let mut log = HistoryLog::new();
+        for (visit, &(born, again)) in visits.iter().enumerate() {
+            let known = log.num_features();
+            let mut seen = BitRow::zeros(known + born);
+            (0..again)
+                .chain(known..known + born)
+                .for_each(|f| seen.set(f));
+            log.push_visit(Time::from_s(visit as i64), seen, None)
+                .expect("fits");
+        }
+        log
+    }
+
+    #[test]
+    fn features_below_the_strongest_of_their_image_are_weak() {
+        // 6 of 6, then 3 born of an image of 6, then 2 born of 2, then after the visits that count.
+        let log = births(&[(6, 0), (3, 3), (2, 0), (4, 0)]);
+        let weak: Vec<usize> = weak_features(&log, 3, 2).ones().collect();
+        assert_eq!(weak, [2, 3, 4, 5, 7, 8]);
+        assert_eq!(weak_features(&log, 4, 2).ones().last(), Some(14));
+        assert_eq!(weak_features(&log, 3, 6).count_ones(), 0);
+    }
+
+    #[test]
+    fn what_is_left_out_may_not_be_chosen() {
+        let log = births(&[(3, 0)]);
+        let references = ReferenceVisits::of(&log, Visits::All).expect("fits");
+        assert!((0..3).all(|f| references.may_be_chosen(f)));
+        let references = references.leaving_out(weak_features(&log, 1, 2));
+        assert!(references.may_be_chosen(1) && !references.may_be_chosen(2));
     }
 }

@@ -25,7 +25,7 @@ use fremen::error::{Error, ErrorKind, Result};
 pub const ATTACHMENT: &str = "calibration";
 
 /// Grows when what is stored changes its meaning.
-pub(in crate::localize) const VERSION: u32 = 4;
+pub(in crate::localize) const VERSION: u32 = 5;
 
 /// A SHA-256.
 type Key = [u8; 32];

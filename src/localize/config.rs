@@ -623,6 +623,7 @@ impl LocalizerConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fremen::visibility::BitRow;
 
     #[test]
     fn names_are_read_back() {
@@ -668,6 +669,29 @@ mod tests {
         }
         let now = Time::from_us(-1_234_567);
         assert_eq!(cfg.with_time_bucket_s(0).middle_of_bucket(now), now);
+    }
+
+    #[test]
+    fn weak_features_may_be_chosen_until_a_place_is_settled() {
+        let mut log = HistoryLog::new();
+        let mut seen = BitRow::zeros(3);
+        (0..3).for_each(|feature| seen.set(feature));
+        let cfg = LocalizerConfig::default().with_settled(2, 1, 0);
+        let may_be_chosen = |log: &HistoryLog| {
+            let references = cfg.references(log, Visits::All).expect("fits");
+            [0, 1, 2].map(|feature| references.may_be_chosen(feature))
+        };
+        let push = |log: &mut HistoryLog, at| {
+            log.push_visit(Time::from_s(at), seen.clone(), None)
+                .expect("fits");
+        };
+        push(&mut log, 0);
+        assert_eq!(may_be_chosen(&log), [true, true, true]);
+        push(&mut log, 1);
+        assert_eq!(may_be_chosen(&log), [true, false, false]);
+        let cfg = cfg.clone().with_settled(2, 0, 0);
+        let references = cfg.references(&log, Visits::All).expect("fits");
+        assert!(references.may_be_chosen(2));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
+use chronotope::dataset::Dataset;
 
 use super::features::{ExtractedDataset, extractor};
 use super::folds::{Fold, folds};
@@ -18,14 +19,31 @@ pub(crate) struct Images {
     pub(crate) split: String,
 }
 
+/// The images of a suite that has no folds, with their features.
+pub(crate) fn extracted(
+    suite: &Suite,
+    data: Option<&Path>,
+    cache: &Path,
+) -> Result<ExtractedDataset> {
+    features(open(suite, data)?.0, cache)
+}
+
+fn features(dataset: Dataset, cache: &Path) -> Result<ExtractedDataset> {
+    let bar = Progress::new(dataset.entries.len(), "features");
+    Ok(ExtractedDataset::new(
+        dataset,
+        &extractor()?,
+        Some(cache),
+        &|| bar.inc(),
+    )?)
+}
+
 /// The images of a suite with their features, and its folds.
 pub(crate) fn images(suite: &Suite, data: Option<&Path>, cache: &Path) -> Result<Images> {
     let (dataset, split) = open(suite, data)?;
     // A split that leaves nothing fails before the long part.
     folds(suite, &dataset, split.as_ref())?;
-    let bar = Progress::new(dataset.entries.len(), "features");
-    let data = ExtractedDataset::new(dataset, &extractor()?, Some(cache), &|| bar.inc())?;
-    drop(bar);
+    let data = features(dataset, cache)?;
     let (folds, split) = folds(suite, &data.dataset, split.as_ref())?;
     Ok(Images { data, folds, split })
 }

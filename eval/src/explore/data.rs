@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use chronotope::Time;
 use fremen_explore::{Recording, Roads};
 use sha2::{Digest, Sha256};
@@ -13,6 +13,10 @@ use crate::suite::World;
 /// A world to explore.
 pub(super) struct Dataset {
     pub(super) recording: Recording,
+    /// How many slots a day has.
+    pub(super) slots_a_day: usize,
+    /// How often states are known, in words.
+    pub(super) moments: &'static str,
     /// Where driving takes time.
     pub(super) roads: Option<Roads>,
     /// Errors of RAS 2016, table 1, symbolic, in percent: strategies by models.
@@ -34,15 +38,18 @@ pub(super) fn read(world: World, data: &Path) -> Result<Dataset> {
     let (rooms, names) = match world {
         World::Aruba | World::ArubaTravel => ("aruba/location.min", "aruba/location.names"),
         World::Witham => ("people/witham_location.min", "people/witham_location.names"),
+        World::LasVegas => bail!("the views of a camera are no series"),
     };
     let mut digest = Sha256::new();
     let recording = people(data, rooms, names, &mut digest)?;
     let roads = match world {
         World::ArubaTravel => Some(topology(data, &recording, &mut digest)?),
-        World::Aruba | World::Witham => None,
+        World::Aruba | World::Witham | World::LasVegas => None,
     };
     Ok(Dataset {
         recording,
+        slots_a_day: 144,
+        moments: "one moment a minute",
         roads,
         published: (world == World::Aruba).then_some(&PUBLISHED),
         sha256: hex(&digest.finalize()),

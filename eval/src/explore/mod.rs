@@ -9,6 +9,7 @@ mod results;
 mod study;
 mod table;
 mod travel;
+mod views;
 
 use anyhow::Result;
 
@@ -23,10 +24,12 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Option<ExploreResults>
     let Protocol::Explore { world, num_seeds } = suite.protocol else {
         return Ok(None);
     };
-    let data = options.folder_of_series(suite)?;
-    let dataset = data::read(world, data)?;
+    let dataset = match world {
+        World::LasVegas => views::read(suite, options)?,
+        _ => data::read(world, options.folder_of_series(suite)?)?,
+    };
     let mut results = match world {
-        World::Aruba | World::Witham => study::study(&dataset, num_seeds)?,
+        World::Aruba | World::Witham | World::LasVegas => study::study(&dataset, num_seeds)?,
         World::ArubaTravel => travel::travel(&dataset, num_seeds)?,
     };
     results.suite.clone_from(&suite.name);

@@ -104,6 +104,8 @@ pub struct ExploreResults {
     pub rows: Vec<Row>,
     /// Share of wrong states over weeks.
     pub over_weeks: Vec<Curve>,
+    /// Of how many days the points over weeks are: 7, or 1 of a short recording.
+    pub days_a_point: usize,
     /// Share of wrong states over the share of time for visits; with travel times, bits an hour.
     pub over_share: Vec<Curve>,
     /// What each further look of a day is expected to add, in bits: the mean over days.

@@ -12,8 +12,8 @@ use rayon::prelude::*;
 use super::data::Dataset;
 use super::results::{Curve, Day, DayPlace, ExploreResults, Row, SCHEMA_VERSION, measured};
 
-/// Slots of ten minutes in a day.
-const SLOTS: usize = 144;
+/// Seconds of a day.
+const DAY_S: f64 = 86_400.0;
 
 /// Shares of time at which the curves are taken.
 const SHARES: [f64; 6] = [0.05, 0.1, 0.25, 0.5, 0.75, 1.0];
@@ -40,19 +40,22 @@ pub(super) fn study(dataset: &Dataset, num_seeds: u64) -> Result<ExploreResults>
         .iter()
         .map(|&(strategy, model)| row(dataset, strategy, model, num_seeds));
     let rows = rows.collect::<Result<Vec<_>>>()?;
-    let num_days = recording.times().len() / 1_440;
+    let num_days = num_days(recording);
     let seeds = num_seeds.min(CURVE_SEEDS);
     let curves = CURVES
         .iter()
-        .map(|&(strategy, model)| curve(recording, strategy, model, seeds));
+        .map(|&(strategy, model)| curve(dataset, strategy, model, seeds));
     let (over_weeks, over_share) = curves.collect::<Result<Vec<_>>>()?.into_iter().unzip();
     Ok(ExploreResults {
         schema_version: SCHEMA_VERSION,
         protocol: format!(
-            "{} places, {num_days} days, one moment a minute; half of the time for visits of ten \
-             minutes, planned at midnight; a state is 1 if p > 1/2, those of the place under visit are \
-             known (RAS 2016, section 7); {num_seeds} seeds, round robin has none",
-            recording.num_places()
+            "{} places with {} states, {num_days} days, {}; half of the time for visits of {:.0} \
+             minutes, planned a day at a time; a state is 1 if p > 1/2, those of the place under visit \
+             are known (RAS 2016, section 7); {num_seeds} seeds, round robin has none",
+            recording.num_places(),
+            recording.places().map(|(_, states)| states).sum::<usize>(),
+            dataset.moments,
+            DAY_S / 60.0 / dataset.slots_a_day as f64
         ),
         notes: vec![
             "The default was chosen on Aruba, and on no other set.".into(),
@@ -63,18 +66,40 @@ pub(super) fn study(dataset: &Dataset, num_seeds: u64) -> Result<ExploreResults>
                 .into(),
         ],
         majority: majority(recording),
-        oracle: oracle(recording)?,
+        oracle: oracle(dataset)?,
         rows,
         over_weeks,
+        days_a_point: days_a_point(recording),
         over_share,
-        next_look_bits: gains(recording)?,
-        day: Some(day(recording, (num_days / 2).min(20))?),
+        next_look_bits: gains(dataset)?,
+        day: Some(day(dataset, (num_days / 2).min(20))?),
         ..ExploreResults::default()
     })
 }
 
+/// Days that begin before the recording ends.
+fn num_days(recording: &Recording) -> usize {
+    let times = recording.times();
+    (times[times.len() - 1].since_s(times[0]) / DAY_S).ceil() as usize
+}
+
+fn days_a_point(recording: &Recording) -> usize {
+    if num_days(recording) < 21 { 1 } else { 7 }
+}
+
+/// The slots of a day, counted from 0.
+fn slots_of(dataset: &Dataset, day: usize) -> Result<Slots> {
+    let first = dataset.recording.times()[0];
+    let begin = first.plus_us((day as f64 * DAY_S * 1e6) as i64);
+    Ok(Slots::new(
+        begin,
+        slot_length(dataset)?,
+        dataset.slots_a_day,
+    )?)
+}
+
 fn run(
-    recording: &Recording,
+    dataset: &Dataset,
     strategy: Strategy,
     model: &str,
     share: f64,
@@ -82,9 +107,15 @@ fn run(
 ) -> Result<Outcome> {
     let cfg = ExploreConfig::new(strategy)?
         .with_share(Share::new(share)?)
+        .with_slot(slot_length(dataset)?)
         .with_seed(seed);
     let model: OnlineConfig = model.parse()?;
-    Ok(simulate(recording, &model, &cfg, SLOTS)?)
+    Ok(simulate(
+        &dataset.recording,
+        &model,
+        &cfg,
+        dataset.slots_a_day,
+    )?)
 }
 
 fn row(dataset: &Dataset, strategy: Strategy, model: &str, num_seeds: u64) -> Result<Row> {
@@ -96,7 +127,7 @@ fn row(dataset: &Dataset, strategy: Strategy, model: &str, num_seeds: u64) -> Re
     };
     let outcomes: Vec<Outcome> = (0..num_seeds)
         .into_par_iter()
-        .map(|seed| run(&dataset.recording, strategy, model, 0.5, seed))
+        .map(|seed| run(dataset, strategy, model, 0.5, seed))
         .collect::<Result<_>>()?;
     let errors: Vec<f64> = outcomes.iter().map(|outcome| outcome.error).collect();
     let visits = || outcomes.iter().flat_map(|outcome| &outcome.visits);
@@ -120,12 +151,7 @@ fn row(dataset: &Dataset, strategy: Strategy, model: &str, num_seeds: u64) -> Re
 }
 
 /// The error over weeks and over shares of time.
-fn curve(
-    recording: &Recording,
-    strategy: Strategy,
-    model: &str,
-    seeds: u64,
-) -> Result<(Curve, Curve)> {
+fn curve(dataset: &Dataset, strategy: Strategy, model: &str, seeds: u64) -> Result<(Curve, Curve)> {
     let name = format!("{strategy}, {model}");
     let is_default =
         strategy == Strategy::default() && model == OnlineConfig::default().to_string();
@@ -134,17 +160,19 @@ fn curve(
     for share in SHARES {
         let outcomes: Vec<Outcome> = (0..seeds)
             .into_par_iter()
-            .map(|seed| run(recording, strategy, model, share, seed))
+            .map(|seed| run(dataset, strategy, model, share, seed))
             .collect::<Result<_>>()?;
         let errors: Vec<f64> = outcomes.iter().map(|outcome| outcome.error).collect();
         over_share.push((share, measured(&errors)));
         if share != 0.5 {
             continue;
         }
-        for week in 0..outcomes[0].by_day.len() / 7 {
-            let of_week = outcomes
-                .iter()
-                .map(|outcome| outcome.by_day[week * 7..week * 7 + 7].iter().sum::<f64>() / 7.0);
+        let days = days_a_point(&dataset.recording);
+        for week in 0..outcomes[0].by_day.len() / days {
+            let of_week = outcomes.iter().map(|outcome| {
+                let of_week = &outcome.by_day[week * days..(week + 1) * days];
+                of_week.iter().sum::<f64>() / days as f64
+            });
             let of_week: Vec<f64> = of_week.collect();
             over_weeks.push((week as f64 + 1.0, measured(&of_week)));
         }
@@ -160,41 +188,59 @@ fn curve(
 /// Always believing of each state what it is most of the time.
 fn majority(recording: &Recording) -> f64 {
     let moments = recording.times().len();
-    let wrong: usize = (0..recording.num_places())
-        .map(|place| {
-            let ones = (0..moments).filter(|&moment| recording.states(place, moment)[0]);
-            let ones = ones.count();
-            ones.min(moments - ones)
-        })
-        .sum();
-    wrong as f64 / (moments * recording.num_places()) as f64
+    let (mut wrong, mut states) = (0, 0);
+    for (place, (_, num_states)) in recording.places().enumerate() {
+        let mut ones = vec![0_usize; num_states];
+        for moment in 0..moments {
+            for (ones, &state) in ones.iter_mut().zip(recording.states(place, moment)) {
+                *ones += usize::from(state);
+            }
+        }
+        wrong += ones
+            .iter()
+            .map(|&ones| ones.min(moments - ones))
+            .sum::<usize>();
+        states += moments * num_states;
+    }
+    wrong as f64 / states.max(1) as f64
 }
 
-fn slot_length() -> Result<Period> {
-    Ok(Period::from_s(600.0)?)
+fn slot_length(dataset: &Dataset) -> Result<Period> {
+    Ok(Period::from_s(DAY_S / dataset.slots_a_day as f64)?)
+}
+
+/// How many states of a place a model has wrong at a moment.
+fn num_wrong(beliefs: &Beliefs, recording: &Recording, place: usize, moment: usize) -> usize {
+    let states = recording.states(place, moment);
+    let mut p = vec![0.0; states.len()];
+    beliefs.predict_into(place, recording.times()[moment], &mut p);
+    p.iter()
+        .zip(states)
+        .filter(|(p, state)| (**p > 0.5) != **state)
+        .count()
 }
 
 /// The default model where each visit goes to the place that it has most wrong, as long as half of the
 /// slots last.
-fn oracle(recording: &Recording) -> Result<f64> {
+fn oracle(dataset: &Dataset) -> Result<f64> {
+    let recording = &dataset.recording;
     let mut beliefs = Beliefs::new(recording.places(), &OnlineConfig::default());
+    let num_states: usize = recording.places().map(|(_, states)| states).sum();
     let (mut wrong, mut states) = (0_usize, 0_usize);
-    for day in 0..recording.times().len() / 1_440 {
-        let slots = Slots::new(recording.times()[day * 1_440], slot_length()?, SLOTS)?;
+    for day in 0..num_days(recording) {
+        let slots = slots_of(dataset, day)?;
         beliefs.learn()?;
         let mut left = slots.budget(0.5);
-        for slot in 0..SLOTS {
+        for slot in 0..slots.len() {
             let moments = recording.between(slots.begin(slot), slots.begin(slot + 1));
-            let wrong_at = |place: usize| {
-                let is_wrong = |moment: &usize| {
-                    let mut p = [0.0];
-                    beliefs.predict_into(place, recording.times()[*moment], &mut p);
-                    (p[0] > 0.5) != recording.states(place, *moment)[0]
-                };
-                moments.clone().filter(is_wrong).count()
-            };
-            let all: Vec<usize> = (0..recording.num_places()).map(wrong_at).collect();
-            states += moments.len() * all.len();
+            let all: Vec<usize> = (0..recording.num_places())
+                .map(|place| {
+                    let of = moments.clone();
+                    of.map(|moment| num_wrong(&beliefs, recording, place, moment))
+                        .sum()
+                })
+                .collect();
+            states += moments.len() * num_states;
             wrong += all.iter().sum::<usize>();
             let worst = (0..all.len())
                 .max_by_key(|&place| all[place])
@@ -213,14 +259,18 @@ fn oracle(recording: &Recording) -> Result<f64> {
     Ok(wrong as f64 / states.max(1) as f64)
 }
 
-/// What each further look of a day would add, the mean over the days of the third week.
-fn gains(recording: &Recording) -> Result<Vec<f64>> {
-    let mut robot = default_robot(recording)?;
-    let mut sums = vec![0.0; SLOTS];
+/// What each further look of a day would add, the mean over the days of the third week, or of the
+/// later half of a shorter recording.
+fn gains(dataset: &Dataset) -> Result<Vec<f64>> {
+    let recording = &dataset.recording;
+    let mut robot = default_robot(dataset)?;
+    let mut sums = vec![0.0; dataset.slots_a_day];
     let mut days = 0.0;
-    for day in 0..(recording.times().len() / 1_440).min(21) {
-        let slots = *robot.plan(recording.times()[day * 1_440], SLOTS)?.slots();
-        if day >= 14 {
+    let num_days = num_days(recording).min(21);
+    for day in 0..num_days {
+        let begin = slots_of(dataset, day)?.start();
+        let slots = *robot.plan(begin, dataset.slots_a_day)?.slots();
+        if day >= (num_days / 2).max(num_days.saturating_sub(7)) {
             days += 1.0;
             let bits = next_look_bits(robot.beliefs(), &slots)?;
             for (sum, bits) in sums.iter_mut().zip(bits) {
@@ -232,10 +282,10 @@ fn gains(recording: &Recording) -> Result<Vec<f64>> {
     Ok(sums.iter().map(|sum| sum / f64::max(days, 1.0)).collect())
 }
 
-fn default_robot(recording: &Recording) -> Result<Explorer> {
-    let cfg = ExploreConfig::new(Strategy::default())?;
+fn default_robot(dataset: &Dataset) -> Result<Explorer> {
+    let cfg = ExploreConfig::new(Strategy::default())?.with_slot(slot_length(dataset)?);
     Ok(Explorer::new(
-        recording.places(),
+        dataset.recording.places(),
         &OnlineConfig::default(),
         cfg,
     ))
@@ -262,9 +312,13 @@ fn live(
     Ok(())
 }
 
-/// Day `number` of the default, at the four places that are visited most.
-fn day(recording: &Recording, number: usize) -> Result<Day> {
-    let mut robot = default_robot(recording)?;
+/// Day `number` of the default, the first state of the four places that are visited most.
+fn day(dataset: &Dataset, number: usize) -> Result<Day> {
+    let recording = &dataset.recording;
+    let mut robot = default_robot(dataset)?;
+    let today = slots_of(dataset, number)?;
+    let num_moments = recording.between(today.start(), today.end()).len();
+    let moment_hours = 24.0 / num_moments.max(1) as f64;
     let mut places: Vec<DayPlace> = (recording.places())
         .map(|(name, _)| DayPlace {
             name: name.into(),
@@ -276,7 +330,8 @@ fn day(recording: &Recording, number: usize) -> Result<Day> {
         })
         .collect();
     for day in 0..=number {
-        let slots = *robot.plan(recording.times()[day * 1_440], SLOTS)?.slots();
+        let begin = slots_of(dataset, day)?.start();
+        let slots = *robot.plan(begin, dataset.slots_a_day)?.slots();
         live(recording, &mut robot, &slots, |robot, moment, visited| {
             if day < number {
                 return;
@@ -284,7 +339,7 @@ fn day(recording: &Recording, number: usize) -> Result<Day> {
             let time = recording.times()[moment];
             let hour = time.since_s(slots.start()) / 3_600.0;
             for (place, seen) in places.iter_mut().enumerate() {
-                let mut p = [0.0];
+                let mut p = vec![0.0; recording.place(place).1];
                 robot.beliefs().predict_into(place, time, &mut p);
                 seen.hours.push(hour);
                 seen.states.push(recording.states(place, moment)[0]);
@@ -294,8 +349,10 @@ fn day(recording: &Recording, number: usize) -> Result<Day> {
                     continue;
                 }
                 match seen.visits.last_mut() {
-                    Some((_, end)) if hour - *end < 0.02 => *end = hour + 1.0 / 60.0,
-                    _ => seen.visits.push((hour, hour + 1.0 / 60.0)),
+                    Some((_, end)) if hour - *end < 0.3 * moment_hours => {
+                        *end = hour + moment_hours;
+                    }
+                    _ => seen.visits.push((hour, hour + moment_hours)),
                 }
             }
         })?;

@@ -37,7 +37,7 @@ pub fn render_explore(results: &ExploreResults) -> String {
         &format!("{}: where to look next?", results.suite),
         &head(results),
         &sections,
-        "<p>Wrong: states of all places and minutes for which p is on the wrong side of 1/2; what the robot is \
+        "<p>Wrong: states of all places and moments for which p is on the wrong side of 1/2; what the robot is \
          looking at it knows. Intervals: 95 % of the mean over seeds (normal).</p>",
     )
 }
@@ -122,8 +122,16 @@ fn curves(results: &ExploreResults) -> String {
     let ticks = ticks.map(|week| (week as f64, week.to_string())).collect();
     plot(
         &mut html,
-        "Wrong states over weeks",
-        "week",
+        if results.days_a_point == 1 {
+            "Wrong states over days"
+        } else {
+            "Wrong states over weeks"
+        },
+        if results.days_a_point == 1 {
+            "day"
+        } else {
+            "week"
+        },
         ticks,
         &results.over_weeks,
         100.0,
@@ -160,12 +168,13 @@ fn curves(results: &ExploreResults) -> String {
             value: format!("{:.1} bits", results.next_look_bits[0]),
             points: points.collect(),
         }];
-        let ticks = [1.0, 36.0, 72.0, 108.0, 144.0].map(|x| (x, format!("{x}")));
+        let last = results.next_look_bits.len();
+        let ticks = [1, last / 4, last / 2, last * 3 / 4, last].map(|x| (x as f64, x.to_string()));
         html.push_str(
             &SharePlot {
                 title: "What the next look of a day adds, in bits",
                 description: "bits of the next look over the number of looks of a day".into(),
-                x_label: "looks of ten minutes in a day; stop where other work is worth more",
+                x_label: "looks in a day, a slot each; stop where other work is worth more",
                 x_scale: Scale::Linear,
                 y_unit: "",
                 guide: None,
@@ -236,7 +245,7 @@ fn day(day: &Day) -> String {
     put!(
         html,
         "<h2>What did the default believe, and where did it go?</h2><p class=\"hint\">Day {} at the four places \
-         that it visited most. Grey: the state was 1. Thick line: p(t) as it was believed at that minute, with \
+         that it visited most. Grey: the (first) state was 1. Thick line: p(t) as it was believed at that moment, with \
          all looks until then. Dashed line: its entropy in bits. Bars below: visits.</p><div class=\"grid level\">",
         day.day + 1
     );
@@ -261,7 +270,6 @@ fn day_place(html: &mut String, place: &DayPlace) {
         place.visits.len()
     );
     let mut truth = String::new();
-    let minute = 1.0 / 60.0;
     let mut since = None;
     for (&hour, &state) in place.hours.iter().zip(&place.states) {
         match (state, since) {
@@ -300,9 +308,10 @@ fn day_place(html: &mut String, place: &DayPlace) {
             y = py(p)
         );
     }
-    // A point every three minutes is as much as can be seen.
+    // 480 points are as many as can be seen.
+    let step = (place.hours.len() / 480).max(1);
     let at = |values: &[f64]| -> String {
-        let points = place.hours.iter().zip(values).step_by(3);
+        let points = place.hours.iter().zip(values).step_by(step);
         path(points.map(|(&hour, &value)| (px(hour), py(value))))
     };
     put!(
@@ -323,7 +332,7 @@ fn day_place(html: &mut String, place: &DayPlace) {
             html,
             "<path class=\"visit\" d=\"M{:.1} {VISITS}H{:.1}\"/>",
             px(from),
-            px(to + minute)
+            px(to)
         );
     }
     for hour in [0.0, 6.0, 12.0, 18.0, 24.0] {
@@ -418,6 +427,7 @@ mod tests {
             oracle: 0.02,
             rows: vec![row("information", true), row("random", false)],
             over_weeks: vec![curve.clone()],
+            days_a_point: 7,
             over_share: vec![curve],
             next_look_bits: vec![3.0; 144],
             day: Some(Day {

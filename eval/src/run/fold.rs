@@ -60,8 +60,32 @@ pub(crate) fn learn(
         )
     };
     let cfg = LearnConfig::preset(arm.preset).with_keep_appearances(KeepAppearances::All);
-    let mut learner = Learner::new(cfg, meta);
-    for &index in &fold.learn {
+    learn_in_order(data, Learner::new(cfg, meta), &fold.learn, times)
+}
+
+/// Learns the map of all images.
+pub(crate) fn learn_all(data: &ExtractedDataset) -> Result<Arc<Snapshot>> {
+    let name = &data.dataset.name;
+    let meta = MapMeta::new(derived_uuid(name), "evaluation", "default");
+    let entries: Vec<usize> = (0..data.dataset.entries.len()).collect();
+    let times: Vec<Time> = (data.dataset.entries.iter())
+        .map(|entry| entry.time)
+        .collect();
+    learn_in_order(
+        data,
+        Learner::new(LearnConfig::default(), meta),
+        &entries,
+        &times,
+    )
+}
+
+fn learn_in_order(
+    data: &ExtractedDataset,
+    mut learner: Learner,
+    entries: &[usize],
+    times: &[Time],
+) -> Result<Arc<Snapshot>> {
+    for &index in entries {
         let entry = &data.dataset.entries[index];
         learner.observe(
             &Observation::new(

@@ -15,7 +15,7 @@ mod worlds;
 
 use anyhow::Result;
 
-pub(crate) use fold::live;
+pub(crate) use fold::{learn_all, live};
 pub use options::RunOptions;
 pub use showcase::{Showcase, Shown, SuiteRun};
 

@@ -72,6 +72,10 @@ const BUILTIN: &[(&str, &str)] = &[
         include_str!("../../suites/explore-witham.toml"),
     ),
     (
+        "explore-lasvegas",
+        include_str!("../../suites/explore-lasvegas.toml"),
+    ),
+    (
         "explore-aruba-travel",
         include_str!("../../suites/explore-aruba-travel.toml"),
     ),

@@ -152,6 +152,8 @@ pub enum World {
     Witham,
     /// The ten rooms, and driving takes time.
     ArubaTravel,
+    /// Features of the views of a camera, which are there or not.
+    LasVegas,
 }
 
 /// The files of a suite of series.

@@ -10,8 +10,8 @@ use std::time::SystemTime;
 
 use chronotope::error::{Error, ErrorKind, Result};
 use chronotope::feature::{LoadOptions, load_mask};
-use chronotope::learn::Learner;
-use chronotope::map::{Map, MapMeta, Quarantine, Snapshot, VisitId};
+use chronotope::learn::accept_held;
+use chronotope::map::{Map, MapMeta, Quarantine, VisitId};
 use chronotope::robot::{Robot, RobotConfig};
 use chronotope_terminal::config::Config;
 
@@ -194,14 +194,8 @@ fn held(map: &Path) -> Result<String> {
 fn accept(source: &MapSource, ids: &[String]) -> Result<String> {
     let map = Map::open(&source.map)?;
     let config = Config::read_for(map.snapshot().meta(), source.config.as_deref())?;
-    let ids = find(&map, ids)?;
-    let generation = map.update(|snapshot| {
-        let mut learner = Learner::resume(config.learn.clone(), snapshot.clone())?;
-        for &id in &ids {
-            learner.accept(id)?;
-        }
-        Ok(Snapshot::clone(&*learner.snapshot()?))
-    })?;
+    let ids = find(&map, ids, false)?;
+    let generation = accept_held(&map, &config.learn, &ids)?;
     Ok(format!(
         "{} visits learnt, generation {generation}",
         ids.len()
@@ -210,16 +204,8 @@ fn accept(source: &MapSource, ids: &[String]) -> Result<String> {
 
 fn drop_visits(path: &Path, ids: &[String]) -> Result<String> {
     let map = Map::open(path)?;
-    let ids = find(&map, ids)?;
-    let generation = map.update(|snapshot| {
-        let mut snapshot = snapshot.clone();
-        let mut held = Quarantine::of(&snapshot)?;
-        for &id in &ids {
-            held.take(id);
-        }
-        held.attach(&mut snapshot)?;
-        Ok(snapshot)
-    })?;
+    let ids = find(&map, ids, true)?;
+    let generation = map.drop_held(&ids)?;
     Ok(format!(
         "{} visits dropped, generation {generation}",
         ids.len()
@@ -227,22 +213,15 @@ fn drop_visits(path: &Path, ids: &[String]) -> Result<String> {
 }
 
 /// The quarantined visits that are meant.
-fn find(map: &Map, texts: &[String]) -> Result<Vec<VisitId>> {
+fn find(map: &Map, names: &[String], with_given_up: bool) -> Result<Vec<VisitId>> {
     let held = Quarantine::of(&map.snapshot())?;
-    let known: Vec<VisitId> = held.visits().iter().map(|it| it.id).collect();
+    let known = held.ids(with_given_up);
     if known.is_empty() {
         return Err(Error::new(ErrorKind::NotFound, "no visit is quarantined"));
     }
-    if texts.is_empty() {
+    if names.is_empty() {
         return Ok(known);
     }
-    let mut ids = Vec::new();
-    for text in texts {
-        let id = VisitId::find(&known, text)
-            .map_err(|error| error.with_help("~/list_visits lists the visits"))?;
-        if !ids.contains(&id) {
-            ids.push(id);
-        }
-    }
-    Ok(ids)
+    held.choose(names, with_given_up)
+        .map_err(|error| error.with_help("~/list_visits lists the visits"))
 }

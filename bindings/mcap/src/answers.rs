@@ -4,7 +4,7 @@
 //! image was recorded: `/chronotope/localization` says where it was taken and why, and
 //! `/chronotope/annotations` draws what was predicted over the image, in the messages that Foxglove
 //! knows for that. Opened beside the robot's bag they share its timeline; the images are not
-//! copied. [`FOXGLOVE_LAYOUT`] shows both.
+//! copied. [`foxglove_layout`] shows both.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -32,8 +32,16 @@ const ANSWERS: OutputKind = OutputKind {
 /// So many places of the ranking are written.
 const MAX_RANKING: usize = 10;
 
-/// A layout for Foxglove: the image with its annotations, the decision, the posterior over time.
-pub const FOXGLOVE_LAYOUT: &str = include_str!("../foxglove/chronotope.json");
+const FOXGLOVE_LAYOUT: &str = include_str!("../foxglove/chronotope.json");
+/// The topic of the camera in it.
+const LAYOUT_CAMERA: &str = "\"/camera/image_raw\"";
+
+/// A layout for Foxglove: the images of the topic `camera` with their annotations, the decision, the
+/// posterior over time.
+pub fn foxglove_layout(camera: &str) -> String {
+    let camera = serde_json::Value::from(camera).to_string();
+    FOXGLOVE_LAYOUT.replace(LAYOUT_CAMERA, &camera)
+}
 
 /// One answer, for people and programs; its JSON has the keys of `chronotope localize --json`.
 #[derive(Clone, Debug, Serialize)]
@@ -172,6 +180,16 @@ impl<'a> Answer<'a> {
             .map(move |it| ([f64::from(it.x) + dx, f64::from(it.y) + dy], it.state))
     }
 
+    /// What was decided and how sure that is, in a few words: `at kitchen, 97 %`.
+    pub fn headline(&self) -> String {
+        let percent = (100.0 * self.first_posterior).floor();
+        match (self.place, &self.best) {
+            (Some(place), _) => format!("{} {place}, {percent} %", self.decision),
+            (None, Some(best)) => format!("{}: first {}, {percent} %", self.decision, best.place),
+            (None, None) => self.decision.to_owned(),
+        }
+    }
+
     /// On one line, for people.
     pub fn row(&self) -> String {
         let names: Vec<&str> = match (&self.place, self.decision) {
@@ -219,10 +237,10 @@ fn predicted(localizer: &Localizer, candidate: &Candidate) -> Vec<Predicted> {
 
 /// `foxglove.ImageAnnotations`.
 #[derive(Serialize)]
-struct Annotations<'a> {
+struct Annotations {
     circles: [(); 0],
     points: Vec<PointsAnnotation>,
-    texts: [TextAnnotation<'a>; 1],
+    texts: [TextAnnotation; 1],
 }
 
 #[derive(Serialize)]
@@ -262,18 +280,18 @@ const WHITE: Color = color(1.0, 1.0, 1.0, 1.0);
 const BLACK: Color = color(0.0, 0.0, 0.0, 0.6);
 
 #[derive(Serialize)]
-struct TextAnnotation<'a> {
+struct TextAnnotation {
     timestamp: Timestamp,
     position: Point,
-    text: Cow<'a, str>,
+    text: String,
     font_size: f32,
     text_color: Color,
     background_color: Color,
 }
 
-impl<'a> Annotations<'a> {
+impl Annotations {
     /// `before`: where a point of the image that was matched is in the recorded one.
-    fn of(answer: &Answer<'a>, before: &dyn Fn([f64; 2]) -> [f64; 2]) -> Self {
+    fn of(answer: &Answer<'_>, before: &dyn Fn([f64; 2]) -> [f64; 2]) -> Self {
         let (origin, beside) = (before([0.0, 0.0]), before([1.0, 0.0]));
         let per_px = (beside[0] - origin[0]).hypot(beside[1] - origin[1]);
         let timestamp = answer.timestamp;
@@ -295,10 +313,6 @@ impl<'a> Annotations<'a> {
                 thickness: 6.0 * per_px as f32,
             }
         };
-        let text = match answer.place {
-            Some(place) => Cow::Owned(format!("{} {place}", answer.decision)),
-            None => Cow::Borrowed(answer.decision),
-        };
         Self {
             circles: [],
             points: vec![
@@ -309,7 +323,7 @@ impl<'a> Annotations<'a> {
             texts: [TextAnnotation {
                 timestamp,
                 position: Point { x: 8.0, y: 24.0 },
-                text,
+                text: answer.headline(),
                 font_size: 20.0,
                 text_color: WHITE,
                 background_color: BLACK,

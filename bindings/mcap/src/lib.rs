@@ -36,7 +36,7 @@ mod places;
 mod table;
 mod track;
 
-pub use answers::{Answer, AnswerFile, FOXGLOVE_LAYOUT, State};
+pub use answers::{Answer, AnswerFile, State, foxglove_layout};
 pub use bag::{Bag, Contents, Topic, TopicSummary};
 pub use dataset::{BagOptions, Origin, Places, Recording, StampSource};
 pub use message::{CameraInfo, EncodedImage, MessageType, RawImage};

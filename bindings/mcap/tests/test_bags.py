@@ -501,11 +501,38 @@ class Bags(unittest.TestCase):
         bag.write_bytes(b"\x89MCAP0\r\n" + b"\x06" + struct.pack("<Q", 1 << 62) + b"abc")
         self.assertIn("cut off", bags("check", bag, codes=(2,)).stderr)
 
-    def test_the_layout_names_the_channels(self) -> None:
-        layout = bags("layout").stdout
-        json.loads(layout)
-        for topic in ["/chronotope/localization", "/chronotope/annotations"]:
-            self.assertIn(topic, layout)
+    def test_the_layout_shows_what_is_in_the_files(self) -> None:
+        answers = self.new_folder() / "answers.mcap"
+        bags("localize", self.map, self.bag, "--out", answers, codes=(0, 1))
+        said = {}
+        with answers.open("rb") as file:
+            for schema, channel, message in make_reader(file).iter_messages():
+                said.setdefault(channel.topic, (schema.name, json.loads(message.data)))
+        with self.bag.open("rb") as file:
+            recorded = {it.topic for it in make_reader(file).get_summary().channels.values()}
+        layout = json.loads(bags("layout", "--topic", TOPIC).stdout)
+        panels = layout["configById"]
+        shown = panels["Image!chronotope"]["imageMode"]
+        self.assertIn(shown["imageTopic"], recorded)
+        (annotations,) = shown["annotations"]
+        self.assertEqual(said[annotations][0], "foxglove.ImageAnnotations")
+        self.assertIn("%", said[annotations][1]["texts"][0]["text"])
+        self.assertIn(panels["RawMessages!chronotope"]["topicPath"], said)
+        paths = [path["value"] for panel in panels.values() for path in panel.get("paths", [])]
+        self.assertEqual(len(paths), 4)
+        for path in paths:
+            topic, field = path.split(".")
+            self.assertIn(field, said[topic][1])
+        # Each panel stands somewhere.
+        placed = [layout["layout"]]
+        while any(isinstance(it, dict) for it in placed):
+            placed = [
+                part
+                for it in placed
+                for part in ([it["first"], it["second"]] if isinstance(it, dict) else [it])
+            ]
+        self.assertEqual(sorted(placed), sorted(panels))
+        self.assertIn("/camera/image_raw", bags("layout").stdout)
 
 
 if __name__ == "__main__":

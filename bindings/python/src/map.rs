@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use chronotope::dataset::ReadOptions;
 use chronotope::feature::{ExtractorConfig, StarBriefConfig};
-use chronotope::learn::{KeepAppearances, LearnConfig};
+use chronotope::learn::{KeepAppearances, LearnConfig, accept_held};
 use chronotope::localize::{Localizer, LocalizerConfig, Method, Preset};
 use chronotope::map::{Map, MapMeta, Node, NodeId, Snapshot, derived_uuid, random_uuid};
 use chronotope::predict::Selection;
@@ -497,7 +497,7 @@ impl PyMap {
         let cfg = learn_config(preset_of(self.snapshot()?.meta()), config.as_ref(), None)?;
         self.changed(py, |map| {
             let ids = map_changes::held_ids(map, ids.as_deref(), false)?;
-            map_changes::accept(map, &ids, &cfg)
+            accept_held(map, &cfg, &ids)
         })
     }
 
@@ -506,7 +506,7 @@ impl PyMap {
     fn drop_held(&self, py: Python<'_>, ids: Option<Vec<String>>) -> Result<u64> {
         self.generation_of(py, |map| {
             let ids = map_changes::held_ids(map, ids.as_deref(), true)?;
-            map_changes::drop_held(map, &ids)
+            map.drop_held(&ids)
         })
     }
 

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 
-use chronotope::learn::{self, LearnConfig, Learner, forget_session};
+use chronotope::learn::{self, LearnConfig, forget_session};
 use chronotope::localize::{ATTACHMENT, Localizer, LocalizerConfig};
 use chronotope::map::{Edge, Generation, Map, PlaceKey, Quarantine, SessionId, Snapshot, VisitId};
 use chronotope::time::Period;
@@ -67,46 +67,13 @@ pub(crate) fn held_ids(
     with_given_up: bool,
 ) -> Result<Vec<VisitId>> {
     let held = Quarantine::of(&map.snapshot()).map_err(|error| error.with_path(map.path()))?;
-    let given_up = held.given_up().iter().filter(|_| with_given_up);
-    let known: Vec<VisitId> = (held.visits().iter().chain(given_up))
-        .map(|it| it.id)
-        .collect();
     let Some(ids) = ids else {
-        return Ok(known);
+        return Ok(held.ids(with_given_up));
     };
-    let mut found = Vec::new();
-    for text in ids {
-        let id = VisitId::find(&known, text).map_err(|error| {
-            error
-                .with_path(map.path())
-                .with_help("map.held() lists the visits")
-        })?;
-        if !found.contains(&id) {
-            found.push(id);
-        }
-    }
-    Ok(found)
-}
-
-pub(crate) fn accept(map: &Map, ids: &[VisitId], cfg: &LearnConfig) -> Result<u64> {
-    map.update(|snapshot| {
-        let mut learner = Learner::resume(cfg.clone(), snapshot.clone())?;
-        for &id in ids {
-            learner.accept(id)?;
-        }
-        Ok(Snapshot::clone(&*learner.snapshot()?))
-    })
-}
-
-pub(crate) fn drop_held(map: &Map, ids: &[VisitId]) -> Result<u64> {
-    map.update(|snapshot| {
-        let mut snapshot = snapshot.clone();
-        let mut held = Quarantine::of(&snapshot)?;
-        for &id in ids {
-            held.take(id);
-        }
-        held.attach(&mut snapshot)?;
-        Ok(snapshot)
+    held.choose(ids, with_given_up).map_err(|error| {
+        error
+            .with_path(map.path())
+            .with_help("map.held() lists the visits")
     })
 }
 

@@ -10,8 +10,8 @@ use std::time::SystemTime;
 
 use chronotope::error::{Error, ErrorKind, Result};
 use chronotope::feature::{LoadOptions, load_mask};
-use chronotope::learn::Learner;
-use chronotope::map::{Map, MapMeta, Quarantine, Snapshot, VisitId};
+use chronotope::learn::accept_held;
+use chronotope::map::{Map, MapMeta, Quarantine, VisitId};
 use chronotope::robot::{Robot, RobotConfig};
 use chronotope_terminal::config::Config;
 
@@ -26,8 +26,12 @@ const MAX_ANSWER_BYTES: usize = 900;
 
 /// What the thread is asked for.
 pub(crate) enum Task {
-    /// Open this, and have the robot go on with it.
-    Open(MapSource, Option<Reply>),
+    /// Open this, and have the robot go on with it, or begin with it.
+    Open {
+        source: MapSource,
+        begins: bool,
+        reply: Option<Reply>,
+    },
     /// Look whether the file holds a newer generation than this, and open it or only say so.
     Look {
         source: MapSource,
@@ -54,7 +58,14 @@ pub(crate) fn start(mailbox: Mailbox, reports: UnboundedSender<Report>) -> Resul
 }
 
 /// Opens a map as the parameters say.
+///
+/// Fails if none is named or it cannot be opened.
 pub(crate) fn open(source: &MapSource) -> Result<Box<Robot>> {
+    if source.map.as_os_str().is_empty() {
+        return Err(Error::new(ErrorKind::Config, "no map is named")
+            .with_place("parameter map")
+            .with_help("start it with --ros-args -p map:=site.map, or set the parameter"));
+    }
     let config = Config::read_for(&MapMeta::read(&source.map)?, source.config.as_deref())?;
     let mut localize = config.localize.clone();
     if let Some(risk) = source.risk {
@@ -92,7 +103,11 @@ impl Clerk {
     fn run(&mut self, tasks: &Receiver<Task>) {
         for task in tasks {
             match task {
-                Task::Open(source, reply) => self.open(&source, reply),
+                Task::Open {
+                    source,
+                    begins,
+                    reply,
+                } => self.open(&source, begins, reply),
                 Task::Look {
                     source,
                     generation,
@@ -117,9 +132,13 @@ impl Clerk {
         }
     }
 
-    fn open(&self, source: &MapSource, reply: Option<Reply>) {
+    fn open(&self, source: &MapSource, begins: bool, reply: Option<Reply>) {
         match open(source) {
-            Ok(robot) => self.mailbox.tell(Command::TakeOver(robot, reply)),
+            Ok(robot) => self.mailbox.tell(Command::TakeOver {
+                robot,
+                begins,
+                reply,
+            }),
             Err(error) => {
                 // The robot goes on with what it has.
                 if reply.is_none() {
@@ -148,7 +167,7 @@ impl Clerk {
         if newest > generation {
             self.report(Report::Newer(newest));
             if opens {
-                self.open(source, None);
+                self.open(source, false, None);
             }
         }
     }
@@ -162,7 +181,11 @@ impl Clerk {
     fn show(&self, source: &MapSource, done: Result<String>, reply: Reply) {
         let done = done.and_then(|done| {
             let robot = open(source)?;
-            self.mailbox.tell(Command::TakeOver(robot, None));
+            self.mailbox.tell(Command::TakeOver {
+                robot,
+                begins: false,
+                reply: None,
+            });
             Ok(done)
         });
         answer(Some(reply), in_words(done));
@@ -194,14 +217,8 @@ fn held(map: &Path) -> Result<String> {
 fn accept(source: &MapSource, ids: &[String]) -> Result<String> {
     let map = Map::open(&source.map)?;
     let config = Config::read_for(map.snapshot().meta(), source.config.as_deref())?;
-    let ids = find(&map, ids)?;
-    let generation = map.update(|snapshot| {
-        let mut learner = Learner::resume(config.learn.clone(), snapshot.clone())?;
-        for &id in &ids {
-            learner.accept(id)?;
-        }
-        Ok(Snapshot::clone(&*learner.snapshot()?))
-    })?;
+    let ids = find(&map, ids, false)?;
+    let generation = accept_held(&map, &config.learn, &ids)?;
     Ok(format!(
         "{} visits learnt, generation {generation}",
         ids.len()
@@ -210,16 +227,8 @@ fn accept(source: &MapSource, ids: &[String]) -> Result<String> {
 
 fn drop_visits(path: &Path, ids: &[String]) -> Result<String> {
     let map = Map::open(path)?;
-    let ids = find(&map, ids)?;
-    let generation = map.update(|snapshot| {
-        let mut snapshot = snapshot.clone();
-        let mut held = Quarantine::of(&snapshot)?;
-        for &id in &ids {
-            held.take(id);
-        }
-        held.attach(&mut snapshot)?;
-        Ok(snapshot)
-    })?;
+    let ids = find(&map, ids, true)?;
+    let generation = map.drop_held(&ids)?;
     Ok(format!(
         "{} visits dropped, generation {generation}",
         ids.len()
@@ -227,22 +236,28 @@ fn drop_visits(path: &Path, ids: &[String]) -> Result<String> {
 }
 
 /// The quarantined visits that are meant.
-fn find(map: &Map, texts: &[String]) -> Result<Vec<VisitId>> {
+fn find(map: &Map, names: &[String], with_given_up: bool) -> Result<Vec<VisitId>> {
     let held = Quarantine::of(&map.snapshot())?;
-    let known: Vec<VisitId> = held.visits().iter().map(|it| it.id).collect();
+    let known = held.ids(with_given_up);
     if known.is_empty() {
         return Err(Error::new(ErrorKind::NotFound, "no visit is quarantined"));
     }
-    if texts.is_empty() {
+    if names.is_empty() {
         return Ok(known);
     }
-    let mut ids = Vec::new();
-    for text in texts {
-        let id = VisitId::find(&known, text)
-            .map_err(|error| error.with_help("~/list_visits lists the visits"))?;
-        if !ids.contains(&id) {
-            ids.push(id);
-        }
+    held.choose(names, with_given_up)
+        .map_err(|error| error.with_help("~/list_visits lists the visits"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parameters::Settings;
+
+    #[test]
+    fn a_node_without_a_map_says_how_to_name_one() {
+        let source = Settings::read(|_| None).source;
+        let error = open(&source).expect_err("no map").to_string();
+        assert!(error.contains("map:="), "{error}");
     }
-    Ok(ids)
 }

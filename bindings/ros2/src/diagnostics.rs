@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use chronotope::time::Time;
 
 use crate::engine::{Answered, LearningState, MapState};
+use crate::lifecycle::State;
 use crate::messages::{DiagnosticArray, DiagnosticStatus, Header, KeyValue, Stamp};
 use crate::parameters::Settings;
 
@@ -44,6 +45,7 @@ pub(crate) struct Health {
     pub(crate) learning: LearningState,
     /// When the clock of a simulation was heard last.
     pub(crate) last_clock: Option<Instant>,
+    pub(crate) state: State,
 }
 
 struct LastAnswer {
@@ -71,7 +73,15 @@ impl Health {
             map: MapState::default(),
             learning: LearningState::default(),
             last_clock: None,
+            state: State::Active,
         }
+    }
+
+    /// Images are answered from now on.
+    pub(crate) fn begin(&mut self) {
+        self.begun = Instant::now();
+        (self.last_image, self.last_stamp, self.last) = (None, None, None);
+        self.failure = None;
     }
 
     /// An image came, with this stamp, if it has one.
@@ -154,6 +164,10 @@ impl Health {
     }
 
     fn camera(&self, settings: &Settings, now: Instant) -> (u8, String) {
+        if self.state != State::Active {
+            let message = format!("the node is {}: images are left alone", self.state.label());
+            return (OK, message);
+        }
         let silence = self.silence(now);
         if !self.mismatches.is_empty() {
             let whys: Vec<&str> = self.mismatches.values().map(String::as_str).collect();
@@ -230,6 +244,12 @@ impl Health {
 
     fn map_state(&self) -> (u8, String) {
         let map = &self.map;
+        if map.path.is_empty() {
+            return (
+                OK,
+                format!("the node is {}: no map is open", self.state.label()),
+            );
+        }
         match map.newer {
             Some(newer) if newer > map.generation => (
                 WARN,
@@ -287,7 +307,7 @@ mod tests {
 
     fn settings() -> Settings {
         let map = |name: &str| (name == "map").then(|| ParameterValue::String("a.map".into()));
-        Settings::read(map).expect("a map is named")
+        Settings::read(map)
     }
 
     #[test]
@@ -314,6 +334,24 @@ mod tests {
         let on = late + Duration::from_secs(60);
         health.count_image(on, Some(time.plus_us(3_660_000_000)));
         assert_eq!(health.clock(&settings(), on).0, OK);
+    }
+
+    #[test]
+    fn a_node_that_is_not_active_misses_nothing() {
+        let mut health = Health::new("node");
+        health.state = State::Unconfigured;
+        let late = Instant::now() + Duration::from_secs(50);
+        let (level, message) = health.camera(&settings(), late);
+        assert!(level == OK && message.contains("unconfigured"), "{message}");
+        let (level, message) = health.map_state();
+        assert!(
+            level == OK && message.contains("no map is open"),
+            "{message}"
+        );
+        health.state = State::Active;
+        assert_eq!(health.camera(&settings(), late).0, ERROR);
+        health.begin();
+        assert_eq!(health.camera(&settings(), Instant::now()).0, OK);
     }
 
     #[test]

@@ -79,9 +79,18 @@ pub(crate) type Reply = oneshot::Sender<std::result::Result<String, String>>;
 /// What is asked of the robot.
 pub(crate) enum Command {
     Configure(Box<Settings>),
-    /// Go on with this one.
-    TakeOver(Box<Robot>, Option<Reply>),
+    /// Go on with this one; `begins`: also if there is none so far.
+    TakeOver {
+        robot: Box<Robot>,
+        begins: bool,
+        reply: Option<Reply>,
+    },
     Commit(Reply),
+    /// Commit, and be without a map from then on; `is_last`: also if it cannot be committed.
+    Close {
+        is_last: bool,
+        reply: Reply,
+    },
     /// The next image shows this place, if one comes in time.
     Teach {
         place: PlaceKey,
@@ -166,6 +175,11 @@ impl Mailbox {
         self.inbox.1.notify_one();
     }
 
+    /// Nobody wants the image that waits.
+    pub(crate) fn forget_image(&self) {
+        self.lock().image = None;
+    }
+
     pub(crate) fn tell(&self, command: Command) {
         self.lock().commands.push_back(command);
         self.inbox.1.notify_one();
@@ -205,7 +219,8 @@ struct Lesson {
 
 /// What the thread owns.
 pub(crate) struct Engine {
-    robot: Box<Robot>,
+    /// `None` while no map is open.
+    robot: Option<Box<Robot>>,
     mailbox: Mailbox,
     reports: UnboundedSender<Report>,
     /// Where robots go that were replaced: to finish takes time.
@@ -224,7 +239,7 @@ pub(crate) struct Engine {
 impl Engine {
     /// Starts the thread.
     pub(crate) fn start(
-        robot: Box<Robot>,
+        robot: Option<Box<Robot>>,
         settings: Settings,
         topic: String,
         mailbox: Mailbox,
@@ -232,7 +247,7 @@ impl Engine {
         retire: Box<dyn Fn(Box<Robot>) + Send>,
     ) -> Result<JoinHandle<()>> {
         let mut engine = Self {
-            adjust: adjust(&settings, &robot),
+            adjust: adjust(&settings, robot.as_deref()),
             robot,
             mailbox,
             reports,
@@ -286,30 +301,29 @@ impl Engine {
                 self.settings = settings;
                 self.configure();
             }
-            Command::TakeOver(robot, reply) => {
-                let retired = std::mem::replace(&mut self.robot, robot);
-                (self.retire)(retired);
-                self.generation = None;
-                self.configure();
-                let snapshot = self.robot.localizer().snapshot();
-                let taken = format!(
-                    "{}: generation {}, {} places",
-                    self.robot.path().display(),
-                    snapshot.generation(),
-                    snapshot.nodes().len()
-                );
-                self.report(Report::Info(format!("goes on with {taken}")));
-                answer(reply, Ok(taken));
-            }
+            Command::TakeOver {
+                robot,
+                begins,
+                reply,
+            } => self.take_over(robot, begins, reply),
             Command::Commit(reply) => {
-                let done = self.commit().map(|()| {
-                    let generation = self.robot.localizer().snapshot().generation();
-                    if self.robot.is_learning() {
+                let done = self.commit().and_then(|()| {
+                    let robot = self.robot.as_ref().ok_or_else(no_map)?;
+                    Ok(if robot.is_learning() {
                         "what was learnt is in the file".to_owned()
                     } else {
+                        let generation = robot.localizer().snapshot().generation();
                         format!("nothing is learnt; generation {generation}")
-                    }
+                    })
                 });
+                answer(Some(reply), done.map_err(|error| error.to_string()));
+            }
+            Command::Close { is_last, reply } => {
+                let done = self.commit();
+                if done.is_ok() || is_last {
+                    self.close();
+                }
+                let done = done.map(|()| "the map is closed".to_owned());
                 answer(Some(reply), done.map_err(|error| error.to_string()));
             }
             Command::Teach {
@@ -317,7 +331,7 @@ impl Engine {
                 until,
                 reply,
             } => {
-                if self.robot.is_learning() {
+                if self.is_learning() {
                     self.lesson = Some(Lesson {
                         place,
                         until,
@@ -333,15 +347,57 @@ impl Engine {
         }
     }
 
+    fn take_over(&mut self, robot: Box<Robot>, begins: bool, reply: Option<Reply>) {
+        if self.robot.is_none() && !begins {
+            (self.retire)(robot);
+            answer(reply, Err(no_map().to_string()));
+            return;
+        }
+        let snapshot = robot.localizer().snapshot();
+        let taken = format!(
+            "{}: generation {}, {} places",
+            robot.path().display(),
+            snapshot.generation(),
+            snapshot.nodes().len()
+        );
+        if let Some(retired) = self.robot.replace(robot) {
+            (self.retire)(retired);
+        }
+        self.generation = None;
+        self.configure();
+        self.report(Report::Info(format!("goes on with {taken}")));
+        answer(reply, Ok(taken));
+    }
+
+    fn close(&mut self) {
+        if let Some(retired) = self.robot.take() {
+            (self.retire)(retired);
+        }
+        self.generation = None;
+        self.learning = LearningState::default();
+        self.configure();
+        self.report(Report::Map(MapState::default()));
+    }
+
+    fn is_learning(&self) -> bool {
+        self.robot.as_ref().is_some_and(|it| it.is_learning())
+    }
+
     /// Applies the parameters to the robot and to its images.
     fn configure(&mut self) {
-        self.robot.pause_learning(!self.settings.is_learning);
-        self.adjust = adjust(&self.settings, &self.robot);
-        self.learning.is_on = self.robot.is_learning();
+        if let Some(robot) = &mut self.robot {
+            robot.pause_learning(!self.settings.is_learning);
+        }
+        self.adjust = adjust(&self.settings, self.robot.as_deref());
+        self.learning.is_on = self.is_learning();
         self.report(Report::Learning(self.learning.clone()));
     }
 
     fn see(&mut self, shot: &Shot, num_dropped: u64) {
+        if self.robot.is_none() {
+            // It came before the map was closed.
+            return;
+        }
         let begun = Instant::now();
         let rate_hz = self.settings.max_rate_hz;
         let is_soon = self.last_begun.is_some_and(|last| {
@@ -373,6 +429,7 @@ impl Engine {
 
     /// The answer to an image, and its name.
     fn answer(&mut self, shot: &Shot, place: Option<&PlaceKey>) -> Result<(Box<Answered>, String)> {
+        let robot = self.robot.as_mut().ok_or_else(no_map)?;
         let header = shot.pixels.header();
         let now = shot.simulated.unwrap_or_else(Time::now);
         let time = header.stamp.time().unwrap_or(now);
@@ -386,18 +443,18 @@ impl Engine {
         if let Some(place) = place {
             frame = frame.with_place(place);
         }
-        self.robot.see_frame(&frame)?;
-        self.is_dirty |= self.robot.is_learning();
-        let answer = Answer::of(&self.robot, &source, time, None);
+        robot.see_frame(&frame)?;
+        self.is_dirty |= robot.is_learning();
+        let answer = Answer::of(robot, &source, time, None);
         let wants = (self.mailbox.wants_picture).swap(false, Ordering::Relaxed);
         let picture = wants.then(|| overlay::draw(&image, &answer, header.clone()));
         let json = serde_json::to_string(&answer.in_short())
             .map_err(|cause| Error::new(ErrorKind::Format, cause.to_string()))?;
         let answered = Answered {
             json,
-            view: PlannerView::of(self.robot.localizer().snapshot(), self.robot.answer()),
+            view: PlannerView::of(robot.localizer().snapshot(), robot.answer()),
             time,
-            num_features: self.robot.features().len(),
+            num_features: robot.features().len(),
             gray_range: image.gray_range(None),
             latency: shot.received.elapsed(),
             picture,
@@ -408,7 +465,8 @@ impl Engine {
 
     /// Commits a lesson, and says what became of it: who is told so can rely on it.
     fn what_was_taught(&mut self, source: &str) -> std::result::Result<String, String> {
-        self.robot.commit().map_err(|error| error.to_string())?;
+        let robot = self.robot.as_mut().ok_or_else(|| no_map().to_string())?;
+        robot.commit().map_err(|error| error.to_string())?;
         self.is_dirty = false;
         let learnt = self.hear_events(Some(source));
         match learnt {
@@ -427,9 +485,10 @@ impl Engine {
 
     /// Reports what happened beside the answers; gives what became of an image.
     fn hear_events(&mut self, source: Option<&str>) -> Option<std::result::Result<Learnt, String>> {
+        let robot = self.robot.as_mut()?;
         let mut found = None;
         let mut reports = Vec::new();
-        for event in self.robot.events() {
+        for event in robot.events() {
             match event {
                 Event::Learnt {
                     source: from,
@@ -459,9 +518,9 @@ impl Engine {
                 _ => {}
             }
         }
-        reports.into_iter().for_each(|it| self.report(it));
-        let totals = self.robot.totals();
+        let totals = robot.totals();
         let counts = (totals.num_learnt, totals.num_quarantined, totals.num_missed);
+        reports.into_iter().for_each(|it| self.report(it));
         let known = &self.learning;
         if counts != (known.num_learnt, known.num_held, known.num_missed) || found.is_some() {
             (
@@ -476,7 +535,10 @@ impl Engine {
 
     fn commit(&mut self) -> Result<()> {
         self.is_dirty = false;
-        let result = self.robot.commit();
+        let Some(robot) = &mut self.robot else {
+            return Ok(());
+        };
+        let result = robot.commit();
         self.learning.failure = result.as_ref().err().map(ToString::to_string);
         self.hear_events(None);
         self.report(Report::Learning(self.learning.clone()));
@@ -493,14 +555,17 @@ impl Engine {
 
     /// Says which map answers, where that has changed.
     fn report_map(&mut self) {
-        let snapshot = self.robot.localizer().snapshot();
+        let Some(robot) = &self.robot else {
+            return;
+        };
+        let snapshot = robot.localizer().snapshot();
         if self.generation == Some(snapshot.generation()) {
             return;
         }
         self.generation = Some(snapshot.generation());
         let num_held = Quarantine::of(snapshot).map_or(0, |it| it.visits().len());
         let state = MapState {
-            path: self.robot.path().display().to_string(),
+            path: robot.path().display().to_string(),
             generation: snapshot.generation(),
             num_places: snapshot.nodes().len(),
             num_held,
@@ -516,9 +581,15 @@ impl Engine {
     }
 }
 
-fn adjust(settings: &Settings, robot: &Robot) -> Adjust {
+fn adjust(settings: &Settings, robot: Option<&Robot>) -> Adjust {
     let options = LoadOptions::default().with_rotation(settings.rotation());
-    Adjust::new(options, robot.localizer().snapshot().meta().image_size)
+    let size = robot.and_then(|it| it.localizer().snapshot().meta().image_size);
+    Adjust::new(options, size)
+}
+
+fn no_map() -> Error {
+    Error::new(ErrorKind::NotFound, "no map is open")
+        .with_help("configure the node: ros2 lifecycle set NODE configure")
 }
 
 /// Tells whoever asked, if they still wait.

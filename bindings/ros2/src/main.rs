@@ -8,12 +8,15 @@ mod arguments;
 mod clerk;
 mod diagnostics;
 mod engine;
+mod lettering;
+mod lifecycle;
 mod messages;
 mod node;
 mod overlay;
 mod parameters;
 mod planner;
 mod services;
+mod topics;
 
 use std::process::ExitCode;
 
@@ -35,8 +38,8 @@ ROS_DOMAIN_ID, ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST and RMW_IMPLEMENTATION (f
 services are called) count as for every node.
 
 Subscribes: image, /clock. Publishes: current_node, closest_node, closest_node_distance, closest_edges,
-~/localization, ~/debug/image, /diagnostics. Services: ~/pause_learning, ~/commit, ~/reload_map, ~/list_visits,
-~/accept_visits, ~/drop_visits, ~/set_place.
+~/localization, ~/debug/image, ~/transition_event, /diagnostics. Services: ~/pause_learning, ~/commit, ~/reload_map,
+~/list_visits, ~/accept_visits, ~/drop_visits, ~/set_place, and those of parameters and of managed nodes (autostart).
 
 Examples:
   chronotope_node --ros-args -p map:=site.map -r image:=/camera/image_raw

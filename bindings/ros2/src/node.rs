@@ -19,25 +19,21 @@ use futures::channel::oneshot;
 use futures::future::LocalBoxFuture;
 use futures::stream::{FuturesUnordered, LocalBoxStream};
 use ros2_client::dds::rustdds::{
-    DomainParticipantBuilder, DomainParticipantStatusEvent, GUID, QosPolicies, StatusEvented,
+    DomainParticipantBuilder, DomainParticipantStatusEvent, QosPolicies, StatusEvented,
 };
-use ros2_client::qos::{Durability, History, WhenFull};
-use ros2_client::{
-    Context, Log, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile,
-    Subscription,
-};
-use serde::Serialize;
+use ros2_client::request_id::RmwRequestId;
+use ros2_client::{Context, Log, Node, NodeName, NodeOptions, QosProfile, Subscription};
 
 use crate::arguments::RosArguments;
 use crate::clerk::{self, Task};
 use crate::diagnostics::{ERROR, Health, OK};
 use crate::engine::{Answered, Command, Engine, Mailbox, Pixels, Reply, Report, Shot};
-use crate::messages::{
-    Clock, ClosestEdges, CompressedImage, DiagnosticArray, Float32, Image, Outcome, Text,
-};
+use crate::lifecycle::{LifecycleRequest, LifecycleServices, Machine, State, Transition};
+use crate::messages::{Clock, ClosestEdges, Float32, Outcome, Text};
 use crate::parameters::{LEARNING, PARAMETERS, Settings};
 use crate::planner::PlannerView;
 use crate::services::{Asker, ParameterRequest, ParameterServices, Request, Services};
+use crate::topics::{Camera, Creator, Ends, Publishers, of_images};
 
 /// How often it is looked whether something is due.
 const TICK: Duration = Duration::from_millis(50);
@@ -60,149 +56,23 @@ enum Input {
     Clock(Option<Time>),
     Asked(Asker, Request),
     Parameters(ParameterRequest),
+    Lifecycle(LifecycleRequest),
     Status(DomainParticipantStatusEvent),
     Report(Report),
     Misunderstood(String),
     Tick,
 }
 
-/// Everything that the node publishes.
-struct Publishers {
-    current: Publisher<Text>,
-    closest: Publisher<Text>,
-    closest_m: Publisher<Float32>,
-    edges: Publisher<ClosestEdges>,
-    localization: Publisher<Text>,
-    picture: Publisher<Image>,
-    diagnostics: Publisher<DiagnosticArray>,
-    log: Publisher<Log>,
-}
-
-/// The last value for those who come later, as LCAS `topological_navigation` publishes.
-fn latched() -> QosProfile {
-    QosProfile::publisher_default()
-        .reliability_reliable(WhenFull::Fail)
-        .durability(Durability::TransientLocal)
-        .history(History::KeepLast { depth: 1 })
-}
-
-/// A few values for those who are there.
-fn lively(depth: usize) -> QosProfile {
-    QosProfile::publisher_default()
-        .reliability_reliable(WhenFull::Fail)
-        .history(History::KeepLast { depth })
-}
-
-/// That of sensors, or a reliable one.
-fn of_images(is_reliable: bool) -> QosProfile {
-    let qos = QosProfile::subscription_default().history(History::KeepLast { depth: 5 });
-    if is_reliable {
-        qos.reliability_reliable(WhenFull::DEFAULT)
-    } else {
-        qos
-    }
-}
-
-/// The names of topics by what identifies their ends here.
-type Ends = BTreeMap<GUID, String>;
-
-/// Creates the ends of topics.
-struct Creator<'a> {
-    node: &'a mut Node,
-    names: &'a RosArguments,
-    ends: Ends,
-}
-
-impl Creator<'_> {
-    fn publisher<M: Serialize>(
-        &mut self,
-        name: &str,
-        kind: (&str, &str),
-        qos: &QosProfile,
-    ) -> Result<Publisher<M>> {
-        let full = self.names.resolve(name);
-        let kind = MessageTypeName::new(kind.0, kind.1);
-        let topic = self.node.create_topic(&Name::parse(&full)?, kind, qos)?;
-        let publisher = self.node.create_publisher(&topic, Some(qos.clone()))?;
-        self.ends.insert(publisher.guid(), full);
-        Ok(publisher)
-    }
-
-    fn subscription<M: 'static>(
-        &mut self,
-        name: &str,
-        kind: (&str, &str),
-        qos: &QosProfile,
-    ) -> Result<Subscription<M>> {
-        let full = self.names.resolve(name);
-        let kind = MessageTypeName::new(kind.0, kind.1);
-        let topic = self.node.create_topic(&Name::parse(&full)?, kind, qos)?;
-        let subscription = self.node.create_subscription(&topic, Some(qos.clone()))?;
-        self.ends.insert(subscription.guid(), full);
-        Ok(subscription)
-    }
-
-    fn publishers(&mut self, log: Publisher<Log>) -> Result<Publishers> {
-        let (text, latched) = (("std_msgs", "String"), latched());
-        Ok(Publishers {
-            current: self.publisher("current_node", text, &latched)?,
-            closest: self.publisher("closest_node", text, &latched)?,
-            closest_m: self.publisher(
-                "closest_node_distance",
-                ("std_msgs", "Float32"),
-                &latched,
-            )?,
-            edges: self.publisher(
-                "closest_edges",
-                ("topological_navigation_msgs", "ClosestEdges"),
-                &latched,
-            )?,
-            localization: self.publisher("~/localization", text, &lively(10))?,
-            picture: self.publisher("~/debug/image", ("sensor_msgs", "Image"), &lively(1))?,
-            diagnostics: self.publisher(
-                "/diagnostics",
-                ("diagnostic_msgs", "DiagnosticArray"),
-                &lively(10),
-            )?,
-            log,
-        })
-    }
-}
-
-/// Where images come from.
-enum Camera {
-    Raw(Subscription<Image>),
-    Encoded(Subscription<CompressedImage>),
-}
-
-impl Camera {
-    fn images(&self) -> LocalBoxStream<'_, Input> {
-        fn input<M>(
-            taken: ros2_client::ReadResult<(M, ros2_client::MessageInfo)>,
-            pixels: impl Fn(M) -> Pixels,
-        ) -> Input {
-            let taken = taken.map(|(message, _)| pixels(message));
-            Input::Pixels(taken.map_err(|cause| cause.to_string()))
-        }
-        match self {
-            Self::Raw(it) => it
-                .async_stream()
-                .map(|it| input(it, Pixels::Raw))
-                .boxed_local(),
-            Self::Encoded(it) => it
-                .async_stream()
-                .map(|it| input(it, Pixels::Encoded))
-                .boxed_local(),
-        }
-    }
-}
-
 /// Runs the node until it is interrupted.
 ///
 /// Fails if the map cannot be opened, a name makes no sense or the network cannot be used.
 pub(crate) fn run(names: &RosArguments) -> Result<()> {
-    let settings = Settings::read(|name| names.parameter(name).cloned())?;
-    let robot = clerk::open(&settings.source)?;
+    let settings = Settings::read(|name| names.parameter(name).cloned());
+    let (robot, state) = if settings.is_autostarted {
+        (Some(clerk::open(&settings.source)?), State::Active)
+    } else {
+        (None, State::Unconfigured)
+    };
     let context = Context::from_domain_participant(participant()?.build()?)?;
     let node_name = NodeName::new(&names.namespace, &names.node)
         .map_err(|cause| anyhow!("`{}{}`: {cause}", names.namespace, names.node))?;
@@ -219,6 +89,7 @@ pub(crate) fn run(names: &RosArguments) -> Result<()> {
     let log = node.create_publisher(&context.get_rosout_topic(), None)?;
     let services = Services::create(&mut node, names)?;
     let parameters = ParameterServices::create(&mut node, names)?;
+    let lifecycle = LifecycleServices::create(&mut node, names)?;
     let mut creator = Creator {
         node: &mut node,
         names,
@@ -256,14 +127,19 @@ pub(crate) fn run(names: &RosArguments) -> Result<()> {
     )?;
     let full_name = node.fully_qualified_name();
     let listener = context.domain_participant().status_listener();
-    let inputs = inputs(&camera, &clock, &services, &parameters, heard, &listener);
+    let offered = Offered {
+        services: &services,
+        parameters: &parameters,
+        lifecycle: &lifecycle,
+    };
+    let inputs = inputs(&camera, &clock, offered, heard, &listener);
     let mut running = Running {
         health: Health::new(full_name.trim_start_matches('/')),
         topic: names.resolve("image"),
         picture_topic: names.resolve("~/debug/image"),
         node: &node,
-        services: &services,
-        parameters: &parameters,
+        offered,
+        machine: Machine::new(state),
         publishers: &publishers,
         mailbox,
         tasks,
@@ -304,12 +180,19 @@ fn participant() -> Result<DomainParticipantBuilder> {
     })
 }
 
+/// What can be asked of the node.
+#[derive(Clone, Copy)]
+struct Offered<'a> {
+    services: &'a Services,
+    parameters: &'a ParameterServices,
+    lifecycle: &'a LifecycleServices,
+}
+
 /// Everything that comes, in the order in which it does.
 fn inputs<'a>(
     camera: &'a Camera,
     clock: &'a Subscription<Clock>,
-    services: &'a Services,
-    parameters: &'a ParameterServices,
+    offered: Offered<'a>,
     heard: UnboundedReceiver<Report>,
     listener: &'a ros2_client::dds::rustdds::DomainParticipantStatusListener,
 ) -> LocalBoxStream<'a, Input> {
@@ -321,18 +204,21 @@ fn inputs<'a>(
         }
     });
     futures::stream::select_all([
-        camera.images(),
+        camera.images().map(Input::Pixels).boxed_local(),
         (clock.async_stream())
             .map(|it| Input::Clock(it.ok().and_then(|(clock, _)| clock.clock.time())))
             .boxed_local(),
-        (services.requests())
+        (offered.services.requests())
             .map(move |it| match it {
                 Ok((asker, request)) => Input::Asked(asker, request),
                 Err(cause) => misunderstood(cause),
             })
             .boxed_local(),
-        (parameters.requests())
+        (offered.parameters.requests())
             .map(move |it| it.map_or_else(misunderstood, Input::Parameters))
+            .boxed_local(),
+        (offered.lifecycle.requests())
+            .map(move |it| it.map_or_else(misunderstood, Input::Lifecycle))
             .boxed_local(),
         listener
             .as_async_status_stream()
@@ -362,13 +248,21 @@ fn is_due(last: &mut Option<Instant>, period: Duration) -> bool {
     is_due
 }
 
-type Answering = LocalBoxFuture<'static, (Asker, Outcome)>;
+/// Who waits for what another thread does.
+#[derive(Clone, Copy)]
+enum Waiting {
+    Asker(Asker),
+    /// For the end of a transition.
+    Change(RmwRequestId),
+}
+
+type Answering = LocalBoxFuture<'static, (Waiting, std::result::Result<String, String>)>;
 
 /// A node that runs.
 struct Running<'a> {
     node: &'a Node,
-    services: &'a Services,
-    parameters: &'a ParameterServices,
+    offered: Offered<'a>,
+    machine: Machine,
     publishers: &'a Publishers,
     mailbox: Mailbox,
     tasks: Sender<Task>,
@@ -393,11 +287,12 @@ struct Running<'a> {
 
 impl Running<'_> {
     fn begin(&mut self) {
-        let begun = format!(
-            "{} waits for images on {}",
-            self.node.fully_qualified_name(),
-            self.topic
-        );
+        let (name, state) = (self.node.fully_qualified_name(), self.machine.state());
+        self.health.state = state;
+        let begun = match state {
+            State::Active => format!("{name} waits for images on {}", self.topic),
+            _ => format!("{name} is {}: it waits for ~/change_state", state.label()),
+        };
         self.log(LOG_INFO, &begun);
         self.say(&PlannerView::nowhere());
     }
@@ -411,11 +306,7 @@ impl Running<'_> {
                         return;
                     }
                 }
-                (asker, outcome) = self.waiting.select_next_some() => {
-                    if let Err(error) = self.services.answer(asker, outcome) {
-                        self.log(LOG_WARN, &format!("an answer could not be sent: {error}"));
-                    }
-                }
+                (waiting, done) = self.waiting.select_next_some() => self.answer(waiting, done),
             }
         }
     }
@@ -435,13 +326,20 @@ impl Running<'_> {
                 self.health.last_clock = Some(Instant::now());
             }
             Input::Asked(asker, request) => self.serve(asker, request),
-            Input::Parameters(request) => match self.parameters.answer(self.node, request) {
-                Ok(true) => self.configure(),
-                Ok(false) => {}
-                Err(error) => {
-                    self.log(LOG_WARN, &format!("an answer could not be sent: {error}"));
+            Input::Parameters(request) => {
+                match self.offered.parameters.answer(self.node, request) {
+                    Ok(true) => self.configure(),
+                    Ok(false) => {}
+                    Err(error) => self.not_sent(&error),
                 }
-            },
+            }
+            Input::Lifecycle(request) => {
+                match self.offered.lifecycle.answer(&self.machine, request) {
+                    Ok(Some((id, asked))) => self.change(id, &asked),
+                    Ok(None) => {}
+                    Err(error) => self.not_sent(&error),
+                }
+            }
             Input::Status(event) => self.hear_of(event),
             Input::Report(Report::Ended) => return true,
             Input::Report(report) => self.hear(report),
@@ -461,6 +359,9 @@ impl Running<'_> {
     }
 
     fn see(&mut self, pixels: Pixels) {
+        if self.machine.state() != State::Active {
+            return;
+        }
         let received = Instant::now();
         self.health
             .count_image(received, pixels.header().stamp.time());
@@ -509,6 +410,10 @@ impl Running<'_> {
     }
 
     fn publish(&mut self, answered: Answered) {
+        if self.machine.state() != State::Active {
+            // It was asked for before the state changed.
+            return;
+        }
         self.health.count_answer(&answered, self.now());
         // A camera that was lost while its last image was answered is lost.
         if self.health.silence(Instant::now()) <= self.settings.camera_timeout {
@@ -571,10 +476,116 @@ impl Running<'_> {
         }
     }
 
+    /// Tells somebody how it went.
+    fn answer(&mut self, waiting: Waiting, done: std::result::Result<String, String>) {
+        let sent = match waiting {
+            Waiting::Asker(asker) => self.offered.services.answer(asker, Outcome::from(done)),
+            Waiting::Change(id) => {
+                let success = self.end_change(done);
+                self.offered.lifecycle.changed(id, success)
+            }
+        };
+        if let Err(error) = sent {
+            self.not_sent(&error);
+        }
+    }
+
+    fn not_sent(&self, error: &anyhow::Error) {
+        self.log(LOG_WARN, &format!("an answer could not be sent: {error}"));
+    }
+
+    fn wait_for(&mut self, waiting: Waiting) -> Reply {
+        let (reply, answered) = oneshot::channel();
+        self.waiting.push(Box::pin(async move {
+            let gone = || Err("the node ends".to_owned());
+            (waiting, answered.await.unwrap_or_else(|_| gone()))
+        }));
+        reply
+    }
+
+    /// Begins a change of the node's state, if it is possible.
+    fn change(&mut self, id: RmwRequestId, asked: &Transition) {
+        let step = match self.machine.begin(asked) {
+            Ok(step) => step,
+            Err(why) => {
+                self.log(LOG_WARN, &why);
+                if let Err(error) = self.offered.lifecycle.changed(id, false) {
+                    self.not_sent(&error);
+                }
+                return;
+            }
+        };
+        self.tell_of(step);
+        let reply = self.wait_for(Waiting::Change(id));
+        if step.from == State::Active {
+            self.mailbox.forget_image();
+            self.say(&PlannerView::nowhere());
+        }
+        match step.to {
+            State::Configuring => self.give(Task::Open {
+                source: self.settings.source.clone(),
+                begins: true,
+                reply: Some(reply),
+            }),
+            State::Activating => {
+                self.health.begin();
+                crate::engine::answer(Some(reply), Ok("images are answered".into()));
+            }
+            State::Deactivating => self.mailbox.tell(Command::Commit(reply)),
+            to => self.mailbox.tell(Command::Close {
+                is_last: to == State::ShuttingDown,
+                reply,
+            }),
+        }
+    }
+
+    /// What was to be done for a change is done; true if it went well.
+    fn end_change(&mut self, done: std::result::Result<String, String>) -> bool {
+        if let Err(why) = &done {
+            self.log(
+                LOG_ERROR,
+                &format!("{}: {why}", self.machine.state().label()),
+            );
+        }
+        // What could not be written is written before the map is closed, or that fails.
+        let success = done.is_ok() || self.machine.state() == State::Deactivating;
+        if let Some(step) = self.machine.end(success) {
+            self.tell_of(step);
+        }
+        success
+    }
+
+    fn tell_of(&mut self, step: crate::lifecycle::Step) {
+        self.health.state = step.to;
+        self.log(
+            LOG_INFO,
+            &format!("{} -> {}", step.from.label(), step.to.label()),
+        );
+        let ns = u64::try_from(self.now().as_us()).unwrap_or(0) * 1_000;
+        self.sent(
+            "~/transition_event",
+            self.publishers.transition.publish(step.event(ns)).is_ok(),
+        );
+    }
+
     /// Passes a request on to the thread that answers it.
     fn serve(&mut self, asker: Asker, request: Request) {
-        let (reply, answered) = oneshot::channel();
+        let reply = self.wait_for(Waiting::Asker(asker));
         let source = self.settings.source.clone();
+        let state = self.machine.state();
+        let is_possible = match request {
+            Request::PauseLearning(_) => true,
+            Request::SetPlace(_) => state == State::Active,
+            _ => state.has_map(),
+        };
+        if !is_possible {
+            let why = format!(
+                "the node is {}: configure and activate it (ros2 lifecycle set)",
+                state.label()
+            );
+            crate::engine::answer(Some(reply), Err(why));
+            return;
+        }
         match request {
             Request::Commit => self.mailbox.tell(Command::Commit(reply)),
             Request::PauseLearning(is_paused) => self.pause(is_paused, reply),
@@ -586,18 +597,15 @@ impl Running<'_> {
                 }),
                 Err(error) => crate::engine::answer(Some(reply), Err(error.to_string())),
             },
-            Request::ReloadMap => self.give(Task::Open(source, Some(reply))),
+            Request::ReloadMap => self.give(Task::Open {
+                source,
+                begins: false,
+                reply: Some(reply),
+            }),
             Request::ListVisits => self.give(Task::Held(source.map, reply)),
             Request::AcceptVisits(ids) => self.give(Task::Accept(source, ids, reply)),
             Request::DropVisits(ids) => self.give(Task::Drop(source, ids, reply)),
         }
-        self.waiting.push(Box::pin(async move {
-            let gone = || Err("the node ends".to_owned());
-            (
-                asker,
-                Outcome::from(answered.await.unwrap_or_else(|_| gone())),
-            )
-        }));
     }
 
     fn give(&self, task: Task) {
@@ -620,19 +628,21 @@ impl Running<'_> {
 
     /// Applies parameters that have changed.
     fn configure(&mut self) {
-        let settings = match Settings::read(|name| self.node.get_parameter(name)) {
-            Ok(settings) if settings != self.settings => settings,
-            Ok(_) => return,
-            Err(error) => {
-                self.log(LOG_ERROR, &error.to_string());
-                return;
-            }
-        };
+        let settings = Settings::read(|name| self.node.get_parameter(name));
+        if settings == self.settings {
+            return;
+        }
         let before = std::mem::replace(&mut self.settings, settings);
         (self.mailbox).tell(Command::Configure(Box::new(self.settings.clone())));
-        if before.source != self.settings.source {
+        let state = self.machine.state();
+        if before.source != self.settings.source && (state.has_map() || state == State::Configuring)
+        {
             self.health.map.newer = None;
-            self.give(Task::Open(self.settings.source.clone(), None));
+            self.give(Task::Open {
+                source: self.settings.source.clone(),
+                begins: false,
+                reply: None,
+            });
         }
     }
 
@@ -689,11 +699,13 @@ impl Running<'_> {
             self.mailbox.tell(Command::End);
             return false;
         }
-        if self.health.silence(now) > self.settings.camera_timeout {
+        let is_active = self.machine.state() == State::Active;
+        if is_active && self.health.silence(now) > self.settings.camera_timeout {
             self.say(&PlannerView::nowhere());
         }
         let rate_hz = self.settings.debug_rate_hz;
         if rate_hz > 0.0
+            && is_active
             && self.node.subscription_count(&self.picture_topic) > 0
             && is_due(
                 &mut self.due.picture,
@@ -703,7 +715,8 @@ impl Running<'_> {
             self.mailbox.want_picture();
         }
         let period = self.settings.watch_map.unwrap_or(LOOK_PERIOD);
-        if !self.settings.source.learns && is_due(&mut self.due.look, period) {
+        let has_map = self.machine.state().has_map();
+        if has_map && !self.settings.source.learns && is_due(&mut self.due.look, period) {
             self.give(Task::Look {
                 source: self.settings.source.clone(),
                 generation: self.health.map.generation,

@@ -7,7 +7,6 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use chronotope::error::{Error, ErrorKind, Result};
 use chronotope::feature::Rotation;
 use ros2_client::ParameterValue;
 use ros2_client::parameters::raw;
@@ -67,6 +66,8 @@ use Constraint::{None as Any, OneOf, Range, Whole};
 
 /// All parameters, by name.
 pub(crate) const PARAMETERS: &[Declared] = parameters! {
+    "autostart": Bool(true), fixed, Any,
+        "Whether the node opens its map and answers images at once; else it waits, unconfigured, for ~/change_state.";
     "camera_timeout_s": Double(2.0), changeable, Range(0.05, 3_600.0),
         "After so many seconds without an image the camera counts as lost and current_node is none.";
     "config": Text(""), fixed, Any,
@@ -186,6 +187,8 @@ impl Declared {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Settings {
     pub(crate) source: MapSource,
+    /// Whether nobody has to configure and activate the node.
+    pub(crate) is_autostarted: bool,
     pub(crate) rotate: i64,
     pub(crate) is_compressed: bool,
     pub(crate) is_reliable: bool,
@@ -202,6 +205,7 @@ pub(crate) struct Settings {
 /// What a robot is opened from: where this changes, it is opened anew.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct MapSource {
+    /// Empty where none is named yet.
     pub(crate) map: PathBuf,
     pub(crate) config: Option<PathBuf>,
     pub(crate) mask: Option<PathBuf>,
@@ -212,9 +216,7 @@ pub(crate) struct MapSource {
 
 impl Settings {
     /// Of values that were checked.
-    ///
-    /// Fails if no map is named.
-    pub(crate) fn read(get: impl Fn(&str) -> Option<ParameterValue>) -> Result<Self> {
+    pub(crate) fn read(get: impl Fn(&str) -> Option<ParameterValue>) -> Self {
         let value =
             |name: &str| get(name).or_else(|| Declared::find(name).map(Declared::default_value));
         let text = |name: &str| match value(name) {
@@ -231,24 +233,20 @@ impl Settings {
                 .filter(|it| !it.is_empty())
                 .map(PathBuf::from)
         };
-        let map = path("map").ok_or_else(|| {
-            Error::new(ErrorKind::Config, "no map is named")
-                .with_place("parameter map")
-                .with_help("start it with --ros-args -p map:=site.map")
-        })?;
         let rotate = match value("rotate") {
             Some(ParameterValue::Integer(degrees)) => degrees,
             _ => 0,
         };
-        Ok(Self {
+        Self {
             source: MapSource {
-                map,
+                map: text("map").into(),
                 config: path("config"),
                 mask: path("mask"),
                 risk: Some(number("risk")).filter(|it| *it >= 0.0),
                 tracks: flag("track"),
                 learns: flag("learn"),
             },
+            is_autostarted: flag("autostart"),
             rotate,
             is_compressed: text("transport") == COMPRESSED,
             is_reliable: text("reliability") == RELIABLE,
@@ -261,7 +259,7 @@ impl Settings {
             watch_map: Some(number("watch_map_s"))
                 .filter(|it| *it > 0.0)
                 .map(Duration::from_secs_f64),
-        })
+        }
     }
 
     pub(crate) fn rotation(&self) -> Rotation {
@@ -293,8 +291,8 @@ mod tests {
         }
         assert!(Declared::find("learn").is_some_and(|it| it.is_read_only));
         assert!(Declared::find("map").is_some_and(|it| !it.is_read_only));
-        let error = Settings::read(|_| None).expect_err("no map");
-        assert!(error.to_string().contains("map:="), "{error}");
+        let settings = Settings::read(|_| None);
+        assert!(settings.is_autostarted && !settings.source.learns);
     }
 
     #[test]

@@ -73,7 +73,10 @@ pub(crate) fn mapping() -> ServiceMapping {
     }
 }
 
-fn create<Q: Message + Clone + 'static, A: Message + 'static>(
+/// A service of this node.
+///
+/// Fails if its name makes no sense or the middleware refuses it.
+pub(crate) fn create<Q: Message + Clone + 'static, A: Message + 'static>(
     node: &mut Node,
     names: &RosArguments,
     name: &str,

@@ -34,9 +34,12 @@ os.environ["RMW_IMPLEMENTATION"] = "rmw_fastrtps_cpp"
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition, TransitionEvent
+from lifecycle_msgs.srv import ChangeState, GetAvailableStates, GetAvailableTransitions, GetState
 from rcl_interfaces.msg import Log, Parameter, ParameterEvent, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CompressedImage, Image
@@ -228,6 +231,7 @@ class NodeTest(unittest.TestCase):
         self.addCleanup(self.robot.close)
         self.node: Node | None = None
         self.addCleanup(self.stop)
+        self.changers: dict = {}
 
     def stop(self) -> None:
         if self.node is not None and self.node.process.poll() is None:
@@ -479,6 +483,138 @@ class NodeTest(unittest.TestCase):
         self.assertEqual(self.node.stop(), 130)
         self.assertEqual(self.num_visits() - before, learnt)
 
+    def change(self, asked: Transition, node: str = NODE) -> bool:
+        client = self.changers.get(node)
+        if client is None:
+            client = self.robot.node.create_client(ChangeState, f"{node}/change_state")
+            self.changers[node] = client
+            self.assertTrue(self.robot.wait(client.service_is_ready))
+            # The other side hears of the client a little later; what is asked twice is refused.
+            self.robot.wait(lambda: False, 1.0)
+        future = client.call_async(ChangeState.Request(transition=asked))
+        self.assertTrue(self.robot.wait(future.done), self.node.lines[-20:])
+        return future.result().success
+
+    def state(self) -> str:
+        return self.robot.call(GetState, f"{NODE}/get_state").current_state.label
+
+    def test_states_and_transitions_are_those_of_a_managed_node_of_rclpy(self) -> None:
+        other = LifecycleNode("managed")
+        self.addCleanup(other.destroy_node)
+        self.robot.executor.add_node(other)
+        self.start("autostart:=false")
+
+        def transitions(found):
+            return [
+                (it.transition.id, it.transition.label, it.start_state.label, it.goal_state.label)
+                for it in found
+            ]
+
+        def life(node: str):
+            events = self.robot.listen(f"{node}/transition_event", TransitionEvent, 10)
+            self.robot.wait(lambda: self.robot.node.count_publishers(f"{node}/transition_event"))
+            states = self.robot.call(GetAvailableStates, f"{node}/get_available_states")
+            told = [[(it.id, it.label) for it in states.available_states]]
+            for asked in [
+                Transition(id=99),
+                Transition(label="activate"),
+                Transition(id=1),
+                Transition(id=3),
+                Transition(id=3),
+                Transition(label="deactivate"),
+                Transition(id=2),
+                Transition(id=4, label="configure"),
+                Transition(label="shutdown"),
+                Transition(id=1),
+            ]:
+                done = self.change(asked, node)
+                state = self.robot.call(GetState, f"{node}/get_state").current_state
+                possible = self.robot.call(
+                    GetAvailableTransitions, f"{node}/get_available_transitions"
+                ).available_transitions
+                told.append((asked.id, asked.label, done, state.id, state.label, transitions(possible)))
+            self.robot.wait(lambda: len(events) >= 12)
+            told.append([(it.start_state.label, it.goal_state.label) for it in events])
+            return told, events
+
+        expected, _ = life("/managed")
+        told, events = life(NODE)
+        self.assertEqual(told, expected)
+        self.assertEqual(len(events), 12)
+        # rcl leaves these out.
+        self.assertEqual((events[0].transition.id, events[1].transition.id), (1, 10))
+        self.assertLess(abs(events[0].timestamp / 1e9 - time.time()), 60)
+        self.assertEqual(self.node.stop(), 130)
+
+    def test_only_an_active_node_answers_images(self) -> None:
+        built, self.map = self.map, self.folder / "not there.map"
+        self.start("autostart:=false", "learn:=true", "use_sim_time:=true", "camera_timeout_s:=3600.0")
+        clock = self.robot.node.create_publisher(Clock, "/clock", 10)
+        images = self.robot.node.create_publisher(Image, "/image", SENSOR)
+
+        def send(picture: Picture = self.pictures[0]):
+            # The same hour of the next year.
+            message = Clock()
+            message.clock.sec = picture.s + 365 * 86_400
+            clock.publish(message)
+            images.publish(image(picture.gray, message.clock.sec * 10**9))
+
+        answers = self.robot.listen(f"{NODE}/localization", String, 100)
+        current = self.robot.listen("/current_node", String, LATCHED)
+        self.diagnosis("camera", level=0, text="unconfigured", each=send)
+        self.diagnosis("map", level=0, text="no map is open", each=send)
+        reply = self.robot.call(Trigger, f"{NODE}/reload_map")
+        self.assertFalse(reply.success)
+        self.assertIn("unconfigured", reply.message)
+        # Without its map it cannot be configured; once one is named it can.
+        self.assertFalse(self.change(Transition(id=1)))
+        self.assertEqual(self.state(), "unconfigured")
+        self.assertTrue(self.node.said("not there.map"), self.node.lines)
+        self.assertEqual(self.robot.set("map", str(built)), (True, ""))
+        self.assertTrue(self.change(Transition(label="configure")))
+        self.diagnosis("map", level=0, text="generation 1", each=send)
+        self.diagnosis("camera", level=0, text="inactive", each=send)
+        self.assertEqual(answers, [])
+        self.assertTrue(self.change(Transition(label="activate")))
+        for picture in self.pictures:
+            answers.clear()
+            found = self.robot.wait(lambda: answers, each=lambda picture=picture: send(picture))
+            self.assertTrue(found, self.node.lines[-20:])
+        self.assertTrue(self.robot.wait(lambda: current[-1].data in self.places, each=send))
+        # Once it is inactive what was learnt is in the file, and the robot is nowhere.
+        self.map = built
+        before = json.loads(run(CHRONOTOPE, "map", "inspect", self.built, "--json").stdout)["num_visits"]
+        self.assertTrue(self.change(Transition(label="deactivate")))
+        num_learnt = self.num_visits() - before
+        self.robot.heard["/diagnostics"].clear()
+        self.robot.wait(lambda: len(self.robot.heard["/diagnostics"]) >= 2)
+        (status,) = [
+            it for it in self.robot.heard["/diagnostics"][-1].status if it.name.endswith(": learning")
+        ]
+        self.assertEqual({it.key: it.value for it in status.values}["learnt"], str(num_learnt))
+        self.assertGreater(num_learnt, 3)
+        self.assertTrue(self.robot.wait(lambda: current[-1].data == "none"))
+        answers.clear()
+        self.diagnosis("camera", level=0, text="inactive", each=send)
+        self.assertEqual(answers, [])
+        self.assertTrue(self.change(Transition(label="activate")))
+        self.assertTrue(self.robot.wait(lambda: answers, each=send), self.node.lines[-20:])
+        # It lets go of the map, and opens it again.
+        self.assertTrue(self.change(Transition(label="deactivate")))
+        self.assertTrue(self.change(Transition(label="cleanup")))
+        self.diagnosis("map", level=0, text="no map is open", each=send)
+        self.assertTrue(self.change(Transition(label="configure")))
+        self.assertTrue(self.change(Transition(label="activate")))
+        answers.clear()
+        self.assertTrue(self.robot.wait(lambda: answers, each=send), self.node.lines[-20:])
+        self.assertTrue(self.change(Transition(label="shutdown")))
+        self.assertEqual(self.state(), "finalized")
+        self.assertEqual(self.node.stop(), 130)
+
+    def test_a_node_is_active_unless_told_otherwise(self) -> None:
+        self.start()
+        self.assertEqual(self.state(), "active")
+
     def test_quarantined_visits_are_listed(self) -> None:
         # A stamp that is ahead of the robot's clock is not believed.
         self.start("learn:=true")
@@ -550,8 +686,12 @@ class NodeTest(unittest.TestCase):
         # Somebody looks at ~/debug/image, about once a second.
         self.assertTrue(0.3 * RATE_S <= len(looked) <= 2 * RATE_S + 5, len(looked))
         # 1280 x 720 px are shown smaller, so that a picture fits into a socket's usual buffer.
-        self.assertEqual((looked[-1].height, looked[-1].width), (180, 320))
-        pixels = np.frombuffer(looked[-1].data, np.uint8).reshape(180, 320, 3)
+        # Above and below it stands what was decided, and how many features are which.
+        self.assertEqual((looked[-1].height, looked[-1].width), (202, 320))
+        pixels = np.frombuffer(looked[-1].data, np.uint8).reshape(202, 320, 3)
+        for line in (pixels[:11], pixels[191:]):
+            self.assertGreater((line == 0).all(axis=2).sum(), (line > 0).any(axis=2).sum())
+            self.assertGreater((line > 0).any(axis=2).sum(), 50)
         is_green = (pixels == (26, 204, 51)).all(axis=2)
         self.assertGreater(is_green.sum(), 20)
 

@@ -8,7 +8,7 @@ use clap::Args;
 use serde_json::json;
 
 use chronotope::error::printable;
-use chronotope::learn::{Learner, forget_session};
+use chronotope::learn::{accept_held, forget_session};
 use chronotope::map::{Map, Quarantine, SessionId, Snapshot, VisitId};
 use chronotope_terminal::arguments::ShownMap;
 use chronotope_terminal::config::Config;
@@ -140,13 +140,7 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut Output) -> Result<Outcome> {
     let snapshot = map.snapshot();
     let config = Config::read_for(snapshot.meta(), args.config.as_deref())?;
     let ids = args.which.find(&map, false)?;
-    let generation = map.update(|snapshot| {
-        let mut learner = Learner::resume(config.learn.clone(), snapshot.clone())?;
-        for &id in &ids {
-            learner.accept(id)?;
-        }
-        Ok(Snapshot::clone(&*learner.snapshot()?))
-    })?;
+    let generation = accept_held(&map, &config.learn, &ids)?;
     out.line(format_args!(
         "{}: {} visits learnt, generation {generation}",
         map.path().display(),
@@ -158,15 +152,7 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut Output) -> Result<Outcome> {
 pub(super) fn drop_held(args: &DropArgs, out: &mut Output) -> Result<Outcome> {
     let map = Map::open(&args.which.map)?;
     let ids = args.which.find(&map, true)?;
-    let generation = map.update(|snapshot| {
-        let mut snapshot = snapshot.clone();
-        let mut held = Quarantine::of(&snapshot)?;
-        for &id in &ids {
-            held.take(id);
-        }
-        held.attach(&mut snapshot)?;
-        Ok(snapshot)
-    })?;
+    let generation = map.drop_held(&ids)?;
     out.line(format_args!(
         "{}: {} visits dropped, generation {generation}",
         map.path().display(),
@@ -219,22 +205,11 @@ impl Which {
     /// The visits that are meant; `with_given_up`: also of those that cannot be accepted.
     fn find(&self, map: &Map, with_given_up: bool) -> Result<Vec<VisitId>> {
         let held = held_by(map)?;
-        let given_up = held.given_up().iter().filter(|_| with_given_up);
-        let known: Vec<VisitId> = (held.visits().iter().chain(given_up))
-            .map(|it| it.id)
-            .collect();
         if self.all {
-            return Ok(known);
+            return Ok(held.ids(with_given_up));
         }
-        let mut ids = Vec::new();
-        for text in &self.ids {
-            let id = VisitId::find(&known, text).map_err(|error| {
-                (error.with_path(map.path())).with_help("`chronotope map held` lists the visits")
-            })?;
-            if !ids.contains(&id) {
-                ids.push(id);
-            }
-        }
-        Ok(ids)
+        Ok(held.choose(&self.ids, with_given_up).map_err(|error| {
+            (error.with_path(map.path())).with_help("`chronotope map held` lists the visits")
+        })?)
     }
 }

@@ -18,8 +18,9 @@ use super::generation::Generation;
 use super::load;
 use super::state::State;
 use super::tables::MAP;
+use crate::map::quarantine::Quarantine;
 use crate::map::snapshot::Snapshot;
-use crate::map::types::MapMeta;
+use crate::map::types::{MapMeta, VisitId};
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
 
@@ -290,6 +291,23 @@ impl Map {
             done => return done,
         }
         self.in_turn(|| self.replace(&change(&*self.refresh()?)?))
+    }
+
+    /// Forgets quarantined visits, each named once, in one generation, and gives its number; to learn
+    /// them instead there is [`accept_held`](crate::learn::accept_held).
+    ///
+    /// Fails, and changes nothing, with [`ErrorKind::NotFound`] if one of them is not held, and as
+    /// [`update`](Self::update) does.
+    pub fn drop_held(&self, ids: &[VisitId]) -> Result<u64> {
+        self.update(|snapshot| {
+            let mut held = Quarantine::of(snapshot)?;
+            for &id in ids {
+                held.take_known(id)?;
+            }
+            let mut snapshot = snapshot.clone();
+            held.attach(&mut snapshot)?;
+            Ok(snapshot)
+        })
     }
 
     /// Does `work`, which commits, while other writers wait.

@@ -125,7 +125,7 @@ fn learn_all(out: &str, num_threads: usize, inputs: &[&str]) -> Result<()> {
     let begin = Instant::now();
     let cfg = ReadConfig::default().with_num_threads(num_threads);
     let (log, report) = read_observations(&files, &cfg)?;
-    let read_s = begin.elapsed().as_secs_f64();
+    let (read_s, read_cpu_s) = (begin.elapsed().as_secs_f64(), cpu_s());
     let pool = rayon::ThreadPoolBuilder::new().num_threads(num_threads);
     let models = pool
         .build()?
@@ -140,7 +140,7 @@ fn learn_all(out: &str, num_threads: usize, inputs: &[&str]) -> Result<()> {
     writeln!(
         std::io::stdout(),
         "{{\"rows\": {}, \"duplicates\": {}, \"visits\": {}, \"models\": {}, \"threads\": {num_threads}, \
-         \"read_s\": {read_s:.3}, \"learn_s\": {learn_s:.3}, \"total_s\": {total_s:.3}, \"cpu_s\": {:.2}, \
+         \"read_s\": {read_s:.3}, \"read_cpu_s\": {read_cpu_s:.2}, \"learn_s\": {learn_s:.3}, \"total_s\": {total_s:.3}, \"cpu_s\": {:.2}, \
          \"peak_mb\": {}}}",
         report.num_rows,
         report.num_duplicates,

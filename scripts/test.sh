@@ -45,12 +45,13 @@ for features in "" dataset trace hnsw; do
 done
 cargo clippy --locked -p chronotope --lib -- -D warnings
 cargo clippy --locked -p chronotope --lib --no-default-features --features opencv -- -D warnings
+cargo clippy --locked -p chronotope-fleet --lib --no-default-features -- -D warnings
 
 say "rustdoc"
 RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --lib --features opencv
 
 say "packages: what would be published"
-for package in fremen chronotope-store fremen-grid fremen-explore chronotope chronotope-cli; do
+for package in fremen chronotope-store fremen-grid fremen-explore chronotope-fleet chronotope chronotope-cli; do
     cargo package --locked --allow-dirty --list -p "$package" >/dev/null
 done
 

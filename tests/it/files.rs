@@ -50,6 +50,7 @@ fn sources() -> impl Iterator<Item = (String, String)> {
         "src",
         "crates/cli/src",
         "crates/explore/src",
+        "crates/fleet/src",
         "crates/fremen/src",
         "crates/grid/src",
         "crates/store/src",

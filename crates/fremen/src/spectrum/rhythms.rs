@@ -59,6 +59,11 @@ impl Rhythms {
         self.terms.len()
     }
 
+    /// Index of the candidate, factors of its cosine and sine; strongest first.
+    pub(crate) fn terms(&self) -> &[(u16, f64, f64)] {
+        &self.terms
+    }
+
     /// The rhythms, strongest first.
     pub fn components(&self) -> impl Iterator<Item = Component> + '_ {
         self.terms

@@ -257,6 +257,40 @@ impl SpectralSums {
         }
     }
 
+    /// Of what was summed elsewhere, by a [`PhasorTable`] of the same candidates: over all observations, and
+    /// over those at which the state was 1.
+    ///
+    /// Fails with [`ErrorKind::Shape`] if the sums have not two values a candidate, or are larger than so
+    /// many observations allow.
+    pub fn of_parts(
+        candidates: CandidatePeriods,
+        (num_observed, observed): (usize, Vec<i64>),
+        (num_seen, seen): (usize, Vec<i64>),
+    ) -> Result<Self> {
+        if num_observed > MAX_OBSERVATIONS {
+            return Err(too_many(num_observed));
+        }
+        let width = 2 * candidates.len();
+        let fits = |sums: &[i64], count: usize| {
+            let is_possible = |sum: &i64| sum.unsigned_abs() <= (count as u64) << 40;
+            sums.len() == width && sums.iter().all(is_possible)
+        };
+        if num_seen > num_observed || !fits(&observed, num_observed) || !fits(&seen, num_seen) {
+            let message = format!(
+                "these are no sums of {num_observed} observations, {num_seen} of them 1, over {} periods",
+                candidates.len()
+            );
+            return Err(Error::new(ErrorKind::Shape, message));
+        }
+        Ok(Self {
+            candidates,
+            num_observed: num_observed as u32,
+            num_seen: num_seen as u32,
+            seen,
+            observed,
+        })
+    }
+
     /// The rhythms looked for.
     pub fn candidates(&self) -> &CandidatePeriods {
         &self.candidates

@@ -20,7 +20,8 @@ use super::config::{Guards, HeldOut, Order, Split};
 use super::evidence::{Counts, Evidence};
 use crate::error::Result;
 use crate::spectrum::{
-    Balance, CandidatePeriods, Component, PhasorTable, Reader, Writer, from_fixed, strongest,
+    Balance, CandidatePeriods, Component, PhasorTable, Reader, SpectralSums, Writer, from_fixed,
+    strongest,
 };
 use crate::time::Time;
 
@@ -60,6 +61,21 @@ impl Fremen {
             candidate: vec![0; slots],
             terms: vec![(0.0, 0.0); slots],
         }
+    }
+
+    /// The model of one state, of what is left of its history: its sums.
+    ///
+    /// The same, bit for bit, as [`fit`](super::fit) of a log of these observations with
+    /// [`Order::Fixed`] and without guards.
+    pub fn of_sums(sums: &SpectralSums, order: usize) -> Self {
+        let candidates = sums.candidates().clone();
+        let order = order.min(candidates.len());
+        let mut model = Self::of_means(candidates, order, vec![sums.mean()]);
+        for (slot, &(k, cos, sin)) in sums.rhythms(order).terms().iter().enumerate() {
+            model.candidate[slot] = k;
+            model.terms[slot] = (cos, sin);
+        }
+        model
     }
 
     /// From what [`to_parts`](Self::to_parts) gave; `None` if the parts do not fit each other.

@@ -49,6 +49,6 @@ pub use forget::forget_session;
 pub use guard::Circumstances;
 pub use guard_config::{ClockPolicy, GuardConfig, Judge};
 pub use learner::Learner;
-pub use merge::{merge, relearn};
+pub use merge::{join, merge, relearn};
 pub use overlap::{have_in_common, stranger_among};
 pub use visit::{Learnt, Observation};

@@ -201,7 +201,7 @@ impl FleetLog {
         state: bool,
     ) -> Result<(), Contradiction> {
         let at = self.place(place);
-        let place = &mut self.places[at];
+        let place = self.place_mut(at);
         let visit = place.visit(visit, time)?;
         place.add_run(visit, &[feature.cast_signed()], &[state])
     }
@@ -215,7 +215,7 @@ impl FleetLog {
         states: impl IntoIterator<Item = (u32, bool)>,
     ) -> Result<(), Contradiction> {
         let at = self.place(place);
-        let place = &mut self.places[at];
+        let place = self.place_mut(at);
         let visit = place.visit(visit, time)?;
         let (features, states): (Vec<_>, Vec<_>) = (states.into_iter())
             .map(|(feature, state)| (feature.cast_signed(), state))

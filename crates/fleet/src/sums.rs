@@ -270,7 +270,10 @@ mod tests {
         let mut log = PlaceLog::new("door");
         let mut expected = SpectralSums::new(candidates.clone());
         for visit in 0..2 * RUN as u64 + 17 {
-            let (time, state) = (Time::from_s(visit as i64 * 61), noise(visit) % 3 == 0);
+            let (time, state) = (
+                Time::from_s(visit as i64 * 61),
+                noise(visit).is_multiple_of(3),
+            );
             let at = log.visit(visit.into(), time).expect("one time");
             log.add_run(at, &[3], &[state]).expect("said once");
             expected.add(time, state).expect("few");

@@ -136,14 +136,14 @@ impl Kind {
         let as_found = match (self, found) {
             (Self::Text, DataType::Utf8) => return Some(dictionary(DataType::Utf8)),
             (Self::Bytes, DataType::Binary) => return Some(dictionary(DataType::Binary)),
-            (Self::Bytes, DataType::FixedSizeBinary(_)) => true,
+            (Self::Bytes, DataType::FixedSizeBinary(_))
+            | (Self::Whole, DataType::Int32)
+            | (Self::Flag, DataType::Boolean)
+            | (Self::Single, DataType::Float32)
+            | (Self::Double, DataType::Float64) => true,
             (Self::Moment, DataType::Timestamp(TimeUnit::Microsecond, Some(zone))) => {
                 &**zone == "UTC" || &**zone == "+00:00"
             }
-            (Self::Whole, DataType::Int32) => true,
-            (Self::Flag, DataType::Boolean) => true,
-            (Self::Single, DataType::Float32) => true,
-            (Self::Double, DataType::Float64) => true,
             (Self::Doubles, DataType::List(of)) => *of.data_type() == DataType::Float64,
             _ => false,
         };

@@ -192,7 +192,7 @@ pub(super) struct Batch<'a> {
 
 impl Batch<'_> {
     pub(super) fn num_rows(&self) -> usize {
-        self.columns.first().map_or(0, |column| column.len())
+        self.columns.first().map_or(0, Array::len)
     }
 
     fn check_nulls(&self) -> Result<()> {

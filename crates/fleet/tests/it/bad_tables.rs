@@ -230,7 +230,9 @@ fn a_model_that_is_not_one_is_named() {
         ]
     };
     write(&path, &[table(mean)], None);
-    let error = read_models(&[path.clone()]).expect_err("NaN").to_string();
+    let error = read_models(std::slice::from_ref(&path))
+        .expect_err("NaN")
+        .to_string();
     is_named(&error, &path, &["row group 0, column `mean`, row 1", "NaN"]);
     std::fs::remove_file(&path).expect("there");
     write(
@@ -238,7 +240,7 @@ fn a_model_that_is_not_one_is_named() {
         &[table(Arc::new(Float64Array::from(vec![0.5, 0.5])))],
         None,
     );
-    let error = read_models(&[path.clone()])
+    let error = read_models(std::slice::from_ref(&path))
         .expect_err("no model")
         .to_string();
     is_named(&error, &path, &["row group 0, column `model`, row 0"]);

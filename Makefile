@@ -1,6 +1,6 @@
 # The commands of this repository; `make help` lists them. CI runs `make test` and nothing else.
 .DEFAULT_GOAL := help
-.PHONY: help demo test python robots parity bench speed dashboard screenshots
+.PHONY: help demo test python robots fleet parity bench speed dashboard screenshots
 
 help: ## Show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1|/p' Makefile | awk -F'|' '{ printf "%-28s %s\n", $$1, $$2 }'
@@ -16,6 +16,9 @@ python: ## Build and test the Python package in a throw-away environment (a part
 
 robots: ## Build and test bags in and out, the ROS 2 node and the C interface (a part of `make test`)
 	@bash scripts/robots.sh
+
+fleet: ## Learn 50 million observations on a Spark cluster of two processes, and in one; compare, print the table
+	@bash scripts/fleet.sh
 
 parity: ## With DATA=DIR: our STAR and BRIEF against OpenCV's on every image of a folder
 	@test -n "$(DATA)" || { echo 'name the folder of images: make parity DATA=DIR' >&2; exit 2; }

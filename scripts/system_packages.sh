@@ -84,6 +84,12 @@ need_python() {
         fail "this needs Python 3.10 or later, and python3 is $(python3 --version)"
 }
 
+# Java 17 or later, without a screen, for Spark.
+need_java() {
+    if java -version >/dev/null 2>&1; then return; fi
+    install_packages openjdk-17-jre-headless
+}
+
 need_rust() {
     command -v cargo >/dev/null ||
         fail "there is no cargo on the PATH; https://rustup.rs installs Rust"

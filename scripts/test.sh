@@ -37,7 +37,7 @@ say "cargo fmt"
 cargo fmt --all --check
 
 say "clippy: workspace with opencv"
-cargo clippy --locked --workspace --all-targets --features opencv -- -D warnings
+cargo clippy --locked --workspace --all-targets --features opencv,parquet -- -D warnings
 
 say "feature matrix: without default features, each of them alone, default"
 for features in "" dataset trace hnsw; do
@@ -46,9 +46,10 @@ done
 cargo clippy --locked -p chronotope --lib -- -D warnings
 cargo clippy --locked -p chronotope --lib --no-default-features --features opencv -- -D warnings
 cargo clippy --locked -p chronotope-fleet --lib --no-default-features -- -D warnings
+cargo clippy --locked -p chronotope-cli --all-targets -- -D warnings
 
 say "rustdoc"
-RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --lib --features opencv
+RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --lib --features opencv,parquet
 
 say "packages: what would be published"
 for package in fremen chronotope-store fremen-grid fremen-explore chronotope-fleet chronotope chronotope-cli; do
@@ -64,11 +65,11 @@ else
 fi
 
 say "tests: workspace with opencv, and doctests"
-cargo test --locked --workspace --features opencv </dev/null 2>&1 | tee "$log"
+cargo test --locked --workspace --features opencv,parquet </dev/null 2>&1 | tee "$log"
 
 for kernel in $(other_kernels); do
     say "tests of matching and localising with kernel $kernel"
-    CHRONOTOPE_KERNEL=$kernel cargo test --locked --workspace --features opencv --lib --test it \
+    CHRONOTOPE_KERNEL=$kernel cargo test --locked --workspace --features opencv,parquet --lib --test it \
         -- simd matching localize learn </dev/null
 done
 

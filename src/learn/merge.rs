@@ -112,6 +112,31 @@ pub fn merge(maps: &[&Snapshot]) -> Result<Snapshot> {
     Ok(snapshot)
 }
 
+/// Puts the parts of maps together: parts of one map, which were learnt apart from each other (place by place on
+/// a cluster), and then these maps, as [`merge`] does.
+///
+/// Parts of one map have its UUID. A part that is given twice counts once; of others, what was counted of
+/// features seen again is added, so that the whole is what one learner of all places would have counted.
+pub fn join(parts: &[&Snapshot]) -> Result<Snapshot> {
+    let mut maps = BTreeMap::<u128, BTreeMap<_, &Snapshot>>::new();
+    for part in parts {
+        let map = maps.entry(part.meta().uuid).or_default();
+        map.insert(part.digest(), part);
+    }
+    let whole = maps.into_values().map(|parts| {
+        let parts: Vec<&Snapshot> = parts.into_values().collect();
+        let mut map = merge(&parts)?;
+        let mut counted = Reobservation::new(map.meta().uuid);
+        for part in parts {
+            counted.add(&Reobservation::of(part)?);
+        }
+        counted.attach(&mut map);
+        Ok(map)
+    });
+    let whole = whole.collect::<Result<Vec<_>>>()?;
+    merge(&whole.iter().collect::<Vec<_>>())
+}
+
 /// Learns all visits of a map again, in order of time and identity, from their own features.
 ///
 /// The result is a function of the set of visits and the configuration; what is held stays held.

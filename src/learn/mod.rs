@@ -51,6 +51,6 @@ pub use guard::Circumstances;
 pub use guard_config::{ClockPolicy, GuardConfig, Judge};
 pub use held::accept_held;
 pub use learner::Learner;
-pub use merge::{merge, relearn};
+pub use merge::{join, merge, relearn};
 pub use overlap::{have_in_common, stranger_among};
 pub use visit::{Learnt, Observation};

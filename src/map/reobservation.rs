@@ -72,6 +72,17 @@ impl Reobservation {
         }
     }
 
+    /// Adds what a map of the same UUID has counted at other visits: a part of one map.
+    pub fn add(&mut self, other: &Self) {
+        for (&uuid, theirs) in &other.counts {
+            let ours = (self.counts.entry(uuid)).or_insert_with(|| Box::new([0; NUM_COUNTS]));
+            for (ours, &theirs) in ours.iter_mut().zip(theirs.iter()) {
+                *ours = ours.saturating_add(theirs);
+            }
+        }
+        self.add_up();
+    }
+
     /// Adds what `other` has counted, for the map with the smaller UUID of the two.
     pub fn merge(&mut self, other: &Self) {
         self.own = self.own.min(other.own);

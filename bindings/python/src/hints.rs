@@ -73,6 +73,8 @@ arguments! {
     Microseconds,
     /// 0, 1 or -1.
     States,
+    /// int32.
+    Codes,
 }
 
 answers! {

@@ -10,6 +10,7 @@
 mod answer;
 mod failure;
 mod features;
+mod fleet;
 mod hints;
 mod image;
 mod learn_folder;
@@ -35,6 +36,10 @@ mod _chronotope {
     use crate::answer::{PyCandidate, PyLocalization};
     #[pymodule_export]
     use crate::features::{PyFeatures, address_of, extract};
+    #[pymodule_export]
+    use crate::fleet::{
+        compact, evaluate_visits, join_maps, merge_sums, predict_models, sum_visits,
+    };
     #[pymodule_export]
     use crate::learner::PyLearner;
     #[pymodule_export]

@@ -32,6 +32,7 @@ use chronotope_terminal::{Outcome, Output};
 Examples:
   chronotope map export street.map --out street/
   chronotope map export street.map street/ --canonical
+  chronotope map export street.map --parquet --out tables/
   chronotope map export street.map --format tmap2 --out street.tmap2.yaml
   chronotope map export street.map --format geojson --origin 50.0755,14.4378 --out street.geojson
   chronotope map export street.map --format dot --out street.dot")]
@@ -44,6 +45,10 @@ pub(super) struct ExportArgs {
     /// The same, as other commands have it.
     #[arg(long, value_name = "DIR", conflicts_with = "folder")]
     out: Option<PathBuf>,
+    /// Two Parquet tables instead, of observations and of features, as a fleet learns from them
+    /// (docs/fleet.md).
+    #[arg(long, conflicts_with = "format")]
+    parquet: bool,
     /// In the order that `map merge` gives, so that maps that say the same become the same files.
     #[arg(long)]
     canonical: bool,
@@ -68,12 +73,17 @@ pub(super) struct ExportArgs {
 #[command(after_help = "\
 Examples:
   chronotope map import street/ --out street.map
+  chronotope map import --parquet tables/ --out street.map
   chronotope map import place_0.yaml place_1.yaml --out park.map
   chronotope map import site.tmap2.yaml --onto site.map")]
 pub(super) struct ImportArgs {
     /// A folder, or YAML files.
     #[arg(required = true, value_name = "DIR|YAML")]
     from: Vec<PathBuf>,
+    /// The folder holds the Parquet tables of observations and of features. They say nothing of
+    /// images' own features, positions and ways, so the map has none.
+    #[arg(long, conflicts_with = "onto")]
+    parquet: bool,
     /// The file to write; one that exists is never overwritten.
     #[arg(long, value_name = "MAP", required_unless_present = "onto")]
     out: Option<PathBuf>,
@@ -90,6 +100,10 @@ pub(super) fn export(args: &ExportArgs, out: &mut Output) -> Result<Outcome> {
     let Some(folder) = args.out.as_ref().or(args.folder.as_ref()) else {
         anyhow::bail!("--out is missing");
     };
+    if args.parquet {
+        export_tables(&snapshot, folder)?;
+        return print_summary(out, folder, &snapshot);
+    }
     let name = args.map.file_stem().unwrap_or_default().to_string_lossy();
     let text = match (args.format, args.origin) {
         (ExportFormat::Folder, _) => {
@@ -126,11 +140,25 @@ pub(super) fn import(args: &ImportArgs, out: &mut Output) -> Result<Outcome> {
     };
     Map::refuse_existing(path)?;
     let snapshot = match &args.from[..] {
+        [folder] if args.parquet => import_tables(folder)?,
         [folder] if folder.is_dir() => Snapshot::import(folder)?,
         files => import_yaml(files)?,
     };
     Map::create_from(path, &snapshot)?;
     print_summary(out, path, &snapshot)
+}
+
+#[cfg(feature = "parquet")]
+use super::tables::{export as export_tables, import as import_tables};
+
+#[cfg(not(feature = "parquet"))]
+fn export_tables(_: &Snapshot, folder: &Path) -> Result<()> {
+    Err(super::without_parquet(folder))
+}
+
+#[cfg(not(feature = "parquet"))]
+fn import_tables(folder: &Path) -> Result<Snapshot> {
+    Err(super::without_parquet(folder))
 }
 
 /// Adds what a topological map says of places that the map has.

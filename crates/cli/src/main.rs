@@ -30,6 +30,8 @@ mod predict;
 mod progress;
 mod spectrum;
 mod spectrum_svg;
+#[cfg(feature = "parquet")]
+mod tables;
 mod unpacked;
 mod warnings;
 mod way_map_file;
@@ -123,6 +125,16 @@ Examples:
 enum DatasetCommand {
     Check(check::CheckArgs),
     Index(make_index::MakeIndexArgs),
+}
+
+/// The error where Parquet was left out of this command.
+#[cfg(not(feature = "parquet"))]
+fn without_parquet(path: &std::path::Path) -> anyhow::Error {
+    use fremen::{Error, ErrorKind};
+    let message = "this command was built without Parquet";
+    let error = Error::new(ErrorKind::Config, message).with_path(path);
+    let help = "build it with `cargo install --path crates/cli --features parquet`";
+    error.with_help(help).into()
 }
 
 /// Runs the command that the process's arguments name; usage errors and `--help` end the process.

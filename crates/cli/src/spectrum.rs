@@ -1,7 +1,7 @@
 //! Which rhythms does a series of 0 and 1 have, and how well do they predict it?
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::Args;
@@ -41,10 +41,17 @@ Examples:
   chronotope spectrum office.csv --zone Europe/Prague
   zcat log.gz | chronotope spectrum - --time-unit ms
   chronotope spectrum visits.csv --events 600
+  chronotope spectrum observations.parquet --place hall --feature 17
   chronotope spectrum edges.csv --state-column success --base-s 86400 --count 24 --json")]
 pub(super) struct SpectrumArgs {
-    /// The CSV file; `-` reads stdin.
+    /// The CSV file; `-` reads stdin. Or a table of observations, `.parquet` (docs/fleet.md).
     file: PathBuf,
+    /// Of a table of observations: the place; the only one otherwise.
+    #[arg(long, value_name = "NAME")]
+    place: Option<String>,
+    /// Of a table of observations: the number of the feature in the place; the only one otherwise.
+    #[arg(long, value_name = "NUMBER")]
+    feature: Option<u32>,
     /// What times that are numbers count: ns, us, ms, s, min, h, d (since 1970), excel or julian.
     #[arg(long, value_name = "UNIT")]
     time_unit: Option<TimeUnit>,
@@ -127,6 +134,36 @@ pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
     let svg = (args.svg.as_ref())
         .map(|path| OutputFile::replace(path, SVG, &[&args.file]))
         .transpose()?;
+    let series = if is_table(&args.file) {
+        read_table(args)?
+    } else {
+        read_text(args)?
+    };
+    let by_clocks = match &args.zone {
+        Some(zone) => series.in_zone(zone),
+        None => series,
+    };
+    if args.zone.is_none() {
+        note_daylight_saving(&by_clocks)?;
+    }
+    analyse(args, &by_clocks, svg, out)
+}
+
+/// Whether a file is a Parquet table: by its name, as Spark and pandas have it.
+fn is_table(path: &Path) -> bool {
+    let is_parquet = path.extension().is_some_and(|it| it == "parquet");
+    is_parquet || path.join("_SUCCESS").exists()
+}
+
+fn read_text(args: &SpectrumArgs) -> Result<Series> {
+    if args.place.is_some() || args.feature.is_some() {
+        return Err(
+            Error::new(ErrorKind::Config, "this is no table of observations")
+                .with_path(&args.file)
+                .with_help("--place and --feature are for .parquet; leave them out")
+                .into(),
+        );
+    }
     let columns = Columns {
         time: args.time_column.as_deref(),
         state: args.state_column.as_deref(),
@@ -137,16 +174,26 @@ pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
     let series = match args.events {
         Some(step_s) => Series::parse_events(&bytes, columns, step_s),
         None => Series::parse_csv(&bytes, columns),
-    }
-    .map_err(|error| error.with_path(&args.file))?;
-    let by_clocks = match &args.zone {
-        Some(zone) => series.in_zone(zone),
-        None => series,
     };
-    if args.zone.is_none() {
-        note_daylight_saving(&by_clocks)?;
+    Ok(series.map_err(|error| error.with_path(&args.file))?)
+}
+
+#[cfg(feature = "parquet")]
+fn read_table(args: &SpectrumArgs) -> Result<Series> {
+    let series = super::tables::series(&args.file, args.place.as_deref(), args.feature)?;
+    if series.is_empty() {
+        let error = Error::new(ErrorKind::Format, "the table has no rows");
+        return Err(error
+            .with_path(&args.file)
+            .with_help("write it again")
+            .into());
     }
-    analyse(args, &by_clocks, svg, out)
+    Ok(series)
+}
+
+#[cfg(not(feature = "parquet"))]
+fn read_table(args: &SpectrumArgs) -> Result<Series> {
+    Err(super::without_parquet(&args.file))
 }
 
 /// Says so if the rhythms move with the clocks of a region.

@@ -41,6 +41,8 @@ PointsLike: TypeAlias = npt.ArrayLike
 DescriptorsLike: TypeAlias = npt.ArrayLike
 #: int64 microseconds since 1970.
 Microseconds: TypeAlias = npt.NDArray[np.int64]
+#: int32 (n,).
+Codes: TypeAlias = npt.NDArray[np.int32]
 #: int8: 1, 0, or -1 where missing.
 States: TypeAlias = npt.NDArray[np.int8]
 

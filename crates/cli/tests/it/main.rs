@@ -24,5 +24,6 @@ mod predict;
 mod query_form;
 mod real_files;
 mod spectrum;
+mod tables;
 mod trace;
 mod update;

@@ -44,7 +44,7 @@ const KEPT: &str = "map";
 
 /// Where `unsafe` may stand: vector instructions, the border to C, and the mapping of files into
 /// memory.
-const UNSAFE_ROOMS: [&str; 2] = ["src/simd/", "bindings/c/src/"];
+const UNSAFE_ROOMS: [&str; 3] = ["src/simd/", "bindings/c/src/", "bindings/c/examples/"];
 const UNSAFE_MODULE: &str = "crates/store/src/mapped.rs";
 /// And in which tests: one counts allocations, one is a file system for SQLite.
 const UNSAFE_TESTS: [&str; 2] = ["tests/allocation.rs", "tests/it/faulty_disk.rs"];

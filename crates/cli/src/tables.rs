@@ -108,7 +108,7 @@ pub(super) fn import(folder: &Path) -> Result<Snapshot> {
             .visits()
             .iter()
             .map(|it| (it.id, (it.time, &it.states)));
-        let node = node_of(place.key(), rows, visits.collect()).map_err(refused)??;
+        let node = node_of(place.key(), rows, &visits.collect()).map_err(refused)??;
         seed.extend(node.visits().iter().map(|visit| format!("{}\n", visit.id)));
         nodes.push(node);
     }
@@ -127,18 +127,20 @@ pub(super) fn import(folder: &Path) -> Result<Snapshot> {
     Ok(snapshot)
 }
 
-/// A place, of its features and of what was observed of them at each visit. What does not fit is said in words.
-fn node_of(
-    key: &str,
-    mut rows: Vec<FeatureRow>,
-    visits: BTreeMap<u128, (Time, &States)>,
-) -> Result<Result<Node>, String> {
-    rows.sort_by_key(|row| row.feature);
+/// What was observed at each visit of a place.
+type Observed<'a> = BTreeMap<u128, (Time, &'a States)>;
+
+/// How many features were known at each visit, its time and identity, in the order of the visits: features
+/// are numbered in the order in which they were born. What does not fit is said in words.
+fn in_order(
+    rows: &[FeatureRow],
+    visits: &Observed<'_>,
+) -> Result<BTreeSet<(usize, bool, Time, u128)>, String> {
     if let Some(at) = (0..rows.len()).find(|&at| rows[at].feature as usize != at) {
         return Err(format!("feature {at} is missing, or there twice"));
     }
     let mut last_born = BTreeMap::<u128, usize>::new();
-    for row in &rows {
+    for row in rows {
         if !visits.contains_key(&row.born) {
             let (feature, born) = (row.feature, row.born);
             return Err(format!(
@@ -147,9 +149,8 @@ fn node_of(
         }
         last_born.insert(row.born, row.feature as usize);
     }
-    // By what was known then: features are numbered in the order in which they were born.
     let mut order = BTreeSet::new();
-    for (&id, (time, states)) in &visits {
+    for (&id, (time, states)) in visits {
         let born = last_born.get(&id).map_or(0, |last| last + 1);
         let observed = states.iter().map(|(feature, _)| feature as usize + 1).max();
         let num_known = born.max(observed.unwrap_or(0));
@@ -161,12 +162,23 @@ fn node_of(
         }
         order.insert((num_known, born == 0, *time, id));
     }
+    Ok(order)
+}
+
+/// A place, of its features and of what was observed of them at each visit. What does not fit is said in words.
+fn node_of(
+    key: &str,
+    mut rows: Vec<FeatureRow>,
+    visits: &Observed<'_>,
+) -> Result<Result<Node>, String> {
+    rows.sort_by_key(|row| row.feature);
+    let order = in_order(&rows, visits)?;
     let node = PlaceKey::new(key).map(Node::new);
     let mut node = match node {
         Ok(node) => node,
         Err(error) => return Ok(Err(error.into())),
     };
-    for (num_known, _, time, id) in order {
+    for (num_known, _is_old, time, id) in order {
         let num_before = node.features().len();
         let mut born = Features::new();
         for row in rows.get(num_before..num_known).unwrap_or_default() {

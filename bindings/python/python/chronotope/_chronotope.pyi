@@ -3,11 +3,12 @@ The engine of `chronotope`; use that package.
 """
 
 from _typeshed import SupportsGetItem
-from chronotope._types import Answers, ConfigLike, Descriptors, DescriptorsLike, Ids, ImageLike, ImagesLike, Json, MapLike, MaskLike, Matches, MaybeMoment, Microseconds, Moment, Numbers, PathLike, Picture, PixelsLike, Points, PointsLike, ProgressLike, Stamps, States, Strengths, Ternary, TimeLike, TimesLike, Triples
+from chronotope._types import Answers, Codes, ConfigLike, Descriptors, DescriptorsLike, Ids, ImageLike, ImagesLike, Json, MapLike, MaskLike, Matches, MaybeMoment, Microseconds, Moment, Numbers, PathLike, Picture, PixelsLike, Points, PointsLike, ProgressLike, Stamps, States, Strengths, Ternary, TimeLike, TimesLike, Triples
+from os import PathLike as PathLike2
 from pathlib import Path
 from typing import Any, SupportsFloat, SupportsIndex, final
 
-__all__ = ["Candidate", "Features", "LearnReport", "Learner", "Localization", "Localizer", "Map", "Place", "PredictedMap", "Robot", "SeriesModel", "Street", "Tracker", "_address_of", "calendar", "exif_time", "extract", "parse_time", "parse_times", "periodogram", "read_csv"]
+__all__ = ["Candidate", "Features", "LearnReport", "Learner", "Localization", "Localizer", "Map", "Place", "PredictedMap", "Robot", "SeriesModel", "Street", "Tracker", "_address_of", "calendar", "compact", "evaluate_visits", "exif_time", "extract", "join_maps", "merge_sums", "parse_time", "parse_times", "periodogram", "predict_models", "read_csv", "sum_visits"]
 
 @final
 class Candidate:
@@ -951,6 +952,23 @@ def calendar() -> str:
     The candidate periods of the calendar (year, week, day and their fractions), as JSON.
     """
 
+def compact(place_codes: Codes, places: SupportsGetItem[int, str], visit_codes: Codes, visits: SupportsGetItem[int, bytes | bytearray], times_us: Microseconds, features: Codes, states: States) -> tuple[Ids, list, Stamps, list]:
+    """
+    The observations of some rows, visit by visit.
+
+    ``places`` are names and ``visits`` identities of 16 bytes, with a code for each row; ``features`` int32,
+    ``states`` int8. Errors: ``FormatError`` with column and row, also for rows that contradict each other.
+    """
+
+def evaluate_visits(place: str, visits: SupportsGetItem[int, bytes | bytearray], times_us: Microseconds, states: SupportsGetItem[int, bytes | bytearray], features: Codes, models: SupportsGetItem[int, bytes | bytearray]) -> tuple[int, float, float, int]:
+    """
+    How well the models of a place's features have predicted visits, each counted once: observations that there
+    is a model of, the sum of squared errors, the sum of -ln p of what was observed (p at least 1e-6), and
+    observations without a model.
+
+    Summed by feature in order of identity: the same for any order of rows.
+    """
+
 def exif_time(path: PathLike) -> MaybeMoment:
     """
     When an image was taken, by its EXIF data; None if they say nothing with an offset.
@@ -973,6 +991,22 @@ def extract(image: PixelsLike, *, n: SupportsIndex = 600, mask: MaskLike | None 
     2010.
     """
 
+def join_maps(parts: SupportsGetItem[int, str | PathLike2[str]], path: PathLike) -> int:
+    """
+    Writes the map that these files are parts of, and gives the number of its places: parts of one map by their
+    UUID, then the union of these maps.
+
+    Errors: ``AlreadyExistsError`` if ``path`` exists, ``ConfigError`` for maps of other extractors.
+    """
+
+def merge_sums(place: str, features: Codes, sums: SupportsGetItem[int, bytes | bytearray], order: SupportsIndex) -> tuple[Ids, Ids, Ids, Numbers, list, list, list[list[list[float]]]]:
+    """
+    The sums of equal features added, and the models of at most ``order`` rhythms.
+
+    Errors: ``ShapeError`` for more observations than a sum holds, ``ConfigError`` for sums of other periods,
+    ``FormatError`` and ``ChecksumError`` for bytes that are no sums.
+    """
+
 def parse_time(text: str) -> int:
     """
     Microseconds since 1970 of a text in RFC 3339 with an offset, or a number with its unit.
@@ -993,6 +1027,11 @@ def periodogram(times_us: Microseconds, states: States, candidates: str) -> Trip
     the window, which is the same of the sampling alone.
     """
 
+def predict_models(models: SupportsGetItem[int, bytes | bytearray], times_us: Microseconds) -> Numbers:
+    """
+    p of each model at each time, float64 (models x times,), model by model.
+    """
+
 def read_csv(path: PathLike, *, content: SupportsGetItem[int, SupportsIndex] | None = None, time_column: str | None = None, state_column: str | None = None, time_unit: str | None = None) -> tuple[Stamps, Ternary]:
     """
     Times and states of a CSV file of rows ``time,state``, as ``chronotope spectrum`` reads it.
@@ -1000,4 +1039,13 @@ def read_csv(path: PathLike, *, content: SupportsGetItem[int, SupportsIndex] | N
     ``content`` are its bytes, where they are known already: of a packed file, unpacked.
 
     Errors: ``FormatError`` and ``TimeError`` with the line, ``NotFoundError``.
+    """
+
+def sum_visits(place: str, visits: SupportsGetItem[int, bytes | bytearray], times_us: Microseconds, states: SupportsGetItem[int, bytes | bytearray], candidates: str) -> tuple[Ids, list]:
+    """
+    The sums of the features of one place over some visits, each counted once, however often it is there:
+    features uint32, and for each the bytes of its sums.
+
+    Errors: ``FormatError`` for visits that contradict each other, ``ShapeError`` for more observations than
+    a sum holds.
     """

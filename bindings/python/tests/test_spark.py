@@ -194,11 +194,15 @@ def test_a_worker_that_is_killed_changes_nothing(session: Any, tmp_path: Path) -
             executor = stat.read().rsplit(") ", 1)[1].split()[1]
         for batch in batches:
             yield batch
-            if context.partitionId() == 0 and context.attemptNumber() == 0:
-                with open(os.path.join(flags, "begun.new"), "w") as out:
+            # A stage that is repeated counts its attempts from 0 again.
+            begun = os.path.join(flags, "begun")
+            if context.partitionId() == 0 and not os.path.exists(begun):
+                with open(begun + ".new", "w") as out:
                     out.write(executor)
-                os.rename(os.path.join(flags, "begun.new"), os.path.join(flags, "begun"))
+                os.rename(begun + ".new", begun)
                 time.sleep(60)
+                with open(os.path.join(flags, "survived"), "w"):
+                    pass
 
     def kill() -> None:
         begun = tmp_path / "begun"
@@ -211,11 +215,10 @@ def test_a_worker_that_is_killed_changes_nothing(session: Any, tmp_path: Path) -
     killer = threading.Thread(target=kill, daemon=True)
     killer.start()
     slow = frame.repartition(4).mapInArrow(wait_to_be_killed, frame.schema)
-    begin = time.monotonic()
     found = sums_of(fleet.learn_series(slow, salts=2))
     killer.join(1)
     assert len(victims) == 1 and victims[0] in before
-    assert time.monotonic() - begin < 60, "nobody waited for the one that was killed"
+    assert not (tmp_path / "survived").exists(), "the one that was killed has done the work"
     assert found == in_one_process(rows)
     assert not os.path.exists(f"/proc/{victims[0]}")
 
@@ -320,6 +323,12 @@ def file_of(array: Any) -> bytes:
     return b"P5 %d %d 255\n" % (width, height) + array.tobytes()
 
 
+def array_of(file: bytes) -> Any:
+    header, _, pixels = file.partition(b" 255\n")
+    width, height = (int(it) for it in header.split()[1:3])
+    return np.frombuffer(pixels, np.uint8).reshape(height, width)
+
+
 def test_maps_of_three_robots(session: Any, tmp_path: Path) -> None:
     street = Street(num_places=3)
     learn, _ = street.schedule(num_learn=9, num_query=1)
@@ -340,9 +349,7 @@ def test_maps_of_three_robots(session: Any, tmp_path: Path) -> None:
         for day in sorted({row[2] for row in rows}):
             with chronotope.Learner(path, session=day, config=config) as learner:
                 for _, place, _, when, image in (row for row in rows if row[2] == day):
-                    file = tmp_path / "image.pgm"
-                    file.write_bytes(image)
-                    learner.observe(place, str(file), when)
+                    learner.observe(place, array_of(image), when)
         own.append(path)
     expected = tmp_path / "expected"
     Map.merge(own, tmp_path / "merged.map").export(expected)

@@ -19,7 +19,9 @@ use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyBytes, PyList};
 
 use crate::failure::{Result, detached, interruptible};
-use crate::hints::{Codes, Ids, Microseconds, Numbers, PathLike, Stamps, States as StatesLike};
+use crate::hints::{
+    ByteStrings, Codes, Ids, Microseconds, Numbers, PathLike, Stamps, States as StatesLike,
+};
 use crate::python::{column, path_of};
 
 /// Bytes that Python holds, and whatever thread may read.
@@ -78,12 +80,7 @@ fn contradiction(it: chronotope_fleet::Contradiction) -> Error {
 }
 
 /// For each visit of a place: the code of the place, its identity, its time and its states as bytes.
-type Compacted<'py> = (
-    Ids<'py>,
-    Bound<'py, PyList>,
-    Stamps<'py>,
-    Bound<'py, PyList>,
-);
+type Compacted<'py> = (Ids<'py>, ByteStrings<'py>, Stamps<'py>, ByteStrings<'py>);
 
 /// The observations of some rows, visit by visit.
 ///
@@ -157,9 +154,9 @@ pub(crate) fn compact<'py>(
     }
     Ok((
         Ids(column(py, codes)?),
-        visits,
+        ByteStrings(visits.into_any()),
         Stamps(column(py, when)?),
-        blobs,
+        ByteStrings(blobs.into_any()),
     ))
 }
 
@@ -188,13 +185,14 @@ pub(crate) fn sum_visits<'py>(
     times_us: Microseconds<'py>,
     states: Blobs,
     candidates: &str,
-) -> Result<(Ids<'py>, Bound<'py, PyList>)> {
+) -> Result<(Ids<'py>, ByteStrings<'py>)> {
     let candidates = read_candidates(candidates)?;
     let log = place_log(place, &visits, &times_of(&times_us)?, &states)?;
     let sums = interruptible(py, move || log.sums(&candidates))?;
     let features = sums.iter().map(|it| it.feature).collect();
     let bytes = sums.iter().map(|it| PyBytes::new(py, &it.sums.to_bytes()));
-    Ok((Ids(column(py, features)?), PyList::new(py, bytes)?))
+    let bytes = ByteStrings(PyList::new(py, bytes)?.into_any());
+    Ok((Ids(column(py, features)?), bytes))
 }
 
 /// What is known of each feature: uint32, observations, ones, mean, sums and model as bytes, and the rhythms as
@@ -204,8 +202,8 @@ type Merged<'py> = (
     Ids<'py>,
     Ids<'py>,
     Numbers<'py>,
-    Bound<'py, PyList>,
-    Bound<'py, PyList>,
+    ByteStrings<'py>,
+    ByteStrings<'py>,
     [Vec<Vec<f64>>; 3],
 );
 
@@ -262,8 +260,8 @@ pub(crate) fn merge_sums<'py>(
             py,
             merged.values().map(SpectralSums::mean).collect(),
         )?),
-        sums,
-        models,
+        ByteStrings(sums.into_any()),
+        ByteStrings(models.into_any()),
         rhythms,
     ))
 }

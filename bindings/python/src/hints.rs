@@ -96,6 +96,8 @@ answers! {
     Ternary,
     /// uint8, (height, width).
     Picture,
+    /// A list of bytes.
+    ByteStrings,
     /// The matches of an answer, structured.
     Matches,
     /// What json.loads gives.

@@ -3,7 +3,7 @@ The engine of `chronotope`; use that package.
 """
 
 from _typeshed import SupportsGetItem
-from chronotope._types import Answers, Codes, ConfigLike, Descriptors, DescriptorsLike, Ids, ImageLike, ImagesLike, Json, MapLike, MaskLike, Matches, MaybeMoment, Microseconds, Moment, Numbers, PathLike, Picture, PixelsLike, Points, PointsLike, ProgressLike, Stamps, States, Strengths, Ternary, TimeLike, TimesLike, Triples
+from chronotope._types import Answers, ByteStrings, Codes, ConfigLike, Descriptors, DescriptorsLike, Ids, ImageLike, ImagesLike, Json, MapLike, MaskLike, Matches, MaybeMoment, Microseconds, Moment, Numbers, PathLike, Picture, PixelsLike, Points, PointsLike, ProgressLike, Stamps, States, Strengths, Ternary, TimeLike, TimesLike, Triples
 from os import PathLike as PathLike2
 from pathlib import Path
 from typing import Any, SupportsFloat, SupportsIndex, final
@@ -952,7 +952,7 @@ def calendar() -> str:
     The candidate periods of the calendar (year, week, day and their fractions), as JSON.
     """
 
-def compact(place_codes: Codes, places: SupportsGetItem[int, str], visit_codes: Codes, visits: SupportsGetItem[int, bytes | bytearray], times_us: Microseconds, features: Codes, states: States) -> tuple[Ids, list, Stamps, list]:
+def compact(place_codes: Codes, places: SupportsGetItem[int, str], visit_codes: Codes, visits: SupportsGetItem[int, bytes | bytearray], times_us: Microseconds, features: Codes, states: States) -> tuple[Ids, ByteStrings, Stamps, ByteStrings]:
     """
     The observations of some rows, visit by visit.
 
@@ -999,7 +999,7 @@ def join_maps(parts: SupportsGetItem[int, str | PathLike2[str]], path: PathLike)
     Errors: ``AlreadyExistsError`` if ``path`` exists, ``ConfigError`` for maps of other extractors.
     """
 
-def merge_sums(place: str, features: Codes, sums: SupportsGetItem[int, bytes | bytearray], order: SupportsIndex) -> tuple[Ids, Ids, Ids, Numbers, list, list, list[list[list[float]]]]:
+def merge_sums(place: str, features: Codes, sums: SupportsGetItem[int, bytes | bytearray], order: SupportsIndex) -> tuple[Ids, Ids, Ids, Numbers, ByteStrings, ByteStrings, list[list[list[float]]]]:
     """
     The sums of equal features added, and the models of at most ``order`` rhythms.
 
@@ -1041,7 +1041,7 @@ def read_csv(path: PathLike, *, content: SupportsGetItem[int, SupportsIndex] | N
     Errors: ``FormatError`` and ``TimeError`` with the line, ``NotFoundError``.
     """
 
-def sum_visits(place: str, visits: SupportsGetItem[int, bytes | bytearray], times_us: Microseconds, states: SupportsGetItem[int, bytes | bytearray], candidates: str) -> tuple[Ids, list]:
+def sum_visits(place: str, visits: SupportsGetItem[int, bytes | bytearray], times_us: Microseconds, states: SupportsGetItem[int, bytes | bytearray], candidates: str) -> tuple[Ids, ByteStrings]:
     """
     The sums of the features of one place over some visits, each counted once, however often it is there:
     features uint32, and for each the bytes of its sums.

@@ -55,6 +55,7 @@ Ids: TypeAlias = npt.NDArray[np.uint32]
 Stamps: TypeAlias = npt.NDArray[np.int64]
 Ternary: TypeAlias = npt.NDArray[np.int8]
 Picture: TypeAlias = npt.NDArray[np.uint8]
+ByteStrings: TypeAlias = list[bytes]
 Matches: TypeAlias = npt.NDArray[np.void]
 Json: TypeAlias = dict[str, Any]
 Moment: TypeAlias = datetime.datetime

@@ -281,7 +281,7 @@ def _visits_of(frame: DataFrame, num_parts: Mapping[str, int]) -> DataFrame:
     """The states of each visit in a few bytes; a visit whose rows lie in several places comes several times."""
     parts = dict(num_parts)
 
-    def compact(batches: Iterable[pa.RecordBatch]) -> Iterable[pa.RecordBatch]:
+    def compact(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
         for table in _gathered(batches):
             _refuse_nulls(table)
             place_codes, places = _encoded(table.column("place"))
@@ -462,7 +462,7 @@ def predict(models: DataFrame, times: Any) -> DataFrame:
     times_us = us_array(times)
     num_times = len(times_us)
 
-    def predict_batches(batches: Iterable[pa.RecordBatch]) -> Iterable[pa.RecordBatch]:
+    def predict_batches(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
         when = pa.array(times_us, pa.int64()).cast(pa.timestamp("us", tz="UTC"))
         for batch in batches:
             try:
@@ -538,7 +538,7 @@ def extract(images: DataFrame, *, n: int = 600) -> DataFrame:
     """
     frame = _check_columns(images, IMAGES, "images")
 
-    def extract_batches(batches: Iterable[pa.RecordBatch]) -> Iterable[pa.RecordBatch]:
+    def extract_batches(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
         with tempfile.TemporaryDirectory() as folder:
             file = os.path.join(folder, "image")
             for batch in batches:

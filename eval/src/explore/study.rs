@@ -40,7 +40,7 @@ pub(super) fn study(dataset: &Dataset, num_seeds: u64) -> Result<ExploreResults>
         .iter()
         .map(|&(strategy, model)| row(dataset, strategy, model, num_seeds));
     let rows = rows.collect::<Result<Vec<_>>>()?;
-    let num_days = num_days(recording);
+    let num_days = num_days(dataset);
     let seeds = num_seeds.min(CURVE_SEEDS);
     let curves = CURVES
         .iter()
@@ -65,11 +65,11 @@ pub(super) fn study(dataset: &Dataset, num_seeds: u64) -> Result<ExploreResults>
              not strategies."
                 .into(),
         ],
-        majority: majority(recording),
+        majority: majority(dataset)?,
         oracle: oracle(dataset)?,
         rows,
         over_weeks,
-        days_a_point: days_a_point(recording),
+        days_a_point: days_a_point(dataset),
         over_share,
         next_look_bits: gains(dataset)?,
         day: Some(day(dataset, (num_days / 2).min(20))?),
@@ -77,14 +77,15 @@ pub(super) fn study(dataset: &Dataset, num_seeds: u64) -> Result<ExploreResults>
     })
 }
 
-/// Days that begin before the recording ends.
-fn num_days(recording: &Recording) -> usize {
-    let times = recording.times();
-    (times[times.len() - 1].since_s(times[0]) / DAY_S).ceil() as usize
+/// Whole days, as [`simulate`] counts them: their last slot begins before the recording ends.
+fn num_days(dataset: &Dataset) -> usize {
+    let times = dataset.recording.times();
+    let slot_s = DAY_S / dataset.slots_a_day as f64;
+    ((times[times.len() - 1].since_s(times[0]) + slot_s) / DAY_S) as usize
 }
 
-fn days_a_point(recording: &Recording) -> usize {
-    if num_days(recording) < 21 { 1 } else { 7 }
+fn days_a_point(dataset: &Dataset) -> usize {
+    if num_days(dataset) < 21 { 1 } else { 7 }
 }
 
 /// The slots of a day, counted from 0.
@@ -167,7 +168,7 @@ fn curve(dataset: &Dataset, strategy: Strategy, model: &str, seeds: u64) -> Resu
         if share != 0.5 {
             continue;
         }
-        let days = days_a_point(&dataset.recording);
+        let days = days_a_point(dataset);
         for week in 0..outcomes[0].by_day.len() / days {
             let of_week = outcomes.iter().map(|outcome| {
                 let of_week = &outcome.by_day[week * days..(week + 1) * days];
@@ -186,8 +187,10 @@ fn curve(dataset: &Dataset, strategy: Strategy, model: &str, seeds: u64) -> Resu
 }
 
 /// Always believing of each state what it is most of the time.
-fn majority(recording: &Recording) -> f64 {
-    let moments = recording.times().len();
+fn majority(dataset: &Dataset) -> Result<f64> {
+    let recording = &dataset.recording;
+    let end = slots_of(dataset, num_days(dataset))?.start();
+    let moments = recording.between(recording.times()[0], end).len();
     let (mut wrong, mut states) = (0, 0);
     for (place, (_, num_states)) in recording.places().enumerate() {
         let mut ones = vec![0_usize; num_states];
@@ -202,7 +205,7 @@ fn majority(recording: &Recording) -> f64 {
             .sum::<usize>();
         states += moments * num_states;
     }
-    wrong as f64 / states.max(1) as f64
+    Ok(wrong as f64 / states.max(1) as f64)
 }
 
 fn slot_length(dataset: &Dataset) -> Result<Period> {
@@ -227,7 +230,7 @@ fn oracle(dataset: &Dataset) -> Result<f64> {
     let mut beliefs = Beliefs::new(recording.places(), &OnlineConfig::default());
     let num_states: usize = recording.places().map(|(_, states)| states).sum();
     let (mut wrong, mut states) = (0_usize, 0_usize);
-    for day in 0..num_days(recording) {
+    for day in 0..num_days(dataset) {
         let slots = slots_of(dataset, day)?;
         beliefs.learn()?;
         let mut left = slots.budget(0.5);
@@ -266,7 +269,7 @@ fn gains(dataset: &Dataset) -> Result<Vec<f64>> {
     let mut robot = default_robot(dataset)?;
     let mut sums = vec![0.0; dataset.slots_a_day];
     let mut days = 0.0;
-    let num_days = num_days(recording).min(21);
+    let num_days = num_days(dataset).min(21);
     for day in 0..num_days {
         let begin = slots_of(dataset, day)?.start();
         let slots = *robot.plan(begin, dataset.slots_a_day)?.slots();

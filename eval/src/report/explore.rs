@@ -116,26 +116,15 @@ fn curves(results: &ExploreResults) -> String {
     let mut html = String::new();
     let has_errors = results.majority > 0.0;
     html.push_str("<h2>What is wrong, and what is a look worth?</h2><div class=\"grid\">");
+    let (title, unit) = match results.days_a_point {
+        1 => ("Wrong states over days", "day"),
+        _ => ("Wrong states over weeks", "week"),
+    };
     let weeks = (results.over_weeks.first()).map_or(0, |curve| curve.points.len());
     let every = weeks.div_ceil(8).max(1);
     let ticks = (1..=weeks).filter(|week| week % every == 0);
     let ticks = ticks.map(|week| (week as f64, week.to_string())).collect();
-    plot(
-        &mut html,
-        if results.days_a_point == 1 {
-            "Wrong states over days"
-        } else {
-            "Wrong states over weeks"
-        },
-        if results.days_a_point == 1 {
-            "day"
-        } else {
-            "week"
-        },
-        ticks,
-        &results.over_weeks,
-        100.0,
-    );
+    plot(&mut html, title, unit, ticks, &results.over_weeks, 100.0);
     let title = if has_errors {
         "Wrong states over the share of time for visits"
     } else {

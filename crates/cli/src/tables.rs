@@ -17,7 +17,7 @@ use chronotope::map::{
 };
 use chronotope_fleet::States;
 use chronotope_fleet::table::{
-    FeatureRow, FeatureWriter, ObservationWriter, OutputFolder, ReadConfig, SUCCESS, read_features,
+    FeatureRow, FeatureWriter, ObservationWriter, ReadConfig, SUCCESS, TableFolder, read_features,
     read_observations, read_series,
 };
 use fremen::visibility::{BitRow, FeatureState};
@@ -34,7 +34,7 @@ pub(super) fn series(path: &Path, place: Option<&str>, feature: Option<u32>) -> 
 
 /// Writes both tables of a map into a folder that must not exist yet.
 pub(super) fn export(map: &Snapshot, folder: &Path) -> Result<()> {
-    let output = OutputFolder::begin(folder)?;
+    let output = TableFolder::begin(folder)?;
     let mut observations = ObservationWriter::begin(output.file(OBSERVATIONS))?;
     let mut features = FeatureWriter::begin(output.file(FEATURES))?;
     for node in map.nodes() {

@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use anyhow::{Result, bail};
 use chronotope_fleet::table::{
-    ModelWriter, ObservationWriter, OutputFolder, ReadConfig, files_of, read_models,
+    ModelWriter, ObservationWriter, ReadConfig, TableFolder, files_of, read_models,
     read_observations,
 };
 use chronotope_fleet::{FleetConfig, FleetLog, learn};
@@ -52,7 +52,7 @@ impl Fleet {
     /// As many files as there are robots: four.
     fn write(&self, folder: &str) -> Result<()> {
         const NUM_ROBOTS: usize = 4;
-        let output = OutputFolder::begin(folder)?;
+        let output = TableFolder::begin(folder)?;
         let num_all = self.num_places * self.num_visits;
         for robot in 0..NUM_ROBOTS {
             let path = output.file(&format!("robot-{robot}.parquet"));
@@ -131,7 +131,7 @@ fn learn_all(out: &str, num_threads: usize, inputs: &[&str]) -> Result<()> {
         .build()?
         .install(|| learn(&log, &FleetConfig::default()))?;
     let learn_s = begin.elapsed().as_secs_f64() - read_s;
-    let output = OutputFolder::begin(out)?;
+    let output = TableFolder::begin(out)?;
     let mut table = ModelWriter::begin(output.file("part-00000.parquet"))?;
     table.write(&models)?;
     table.finish()?;

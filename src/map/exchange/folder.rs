@@ -1,12 +1,10 @@
 //! Are the files of an exported folder all there, and those that were written?
 //!
-//! A folder is written under another name (`.NAME.unfinished`) and renamed once it is whole; its
-//! `manifest.csv` lists every other file with its length and SHA-256. Folders of layout 1, which
-//! other programs may have written, have none.
+//! The `manifest.csv` of a folder lists every other file with its length and SHA-256. Folders of
+//! layout 1, which other programs may have written, have none.
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
@@ -14,7 +12,7 @@ use sha2::{Digest, Sha256};
 use super::layout::{MANIFEST, MANIFEST_COLUMNS, format_error};
 use super::table::Table;
 use fremen::error::{Error, ErrorKind, Result};
-use fremen::file::{self, OutputFile};
+use fremen::file::{self, OutputFolder};
 
 /// Bytes of one file of the folder, at most.
 const MAX_FILE_BYTES: u64 = 1 << 32;
@@ -41,62 +39,28 @@ impl Entry {
 
 /// A folder that is being written. Dropped before it is finished, it leaves nothing behind.
 pub(super) struct NewFolder {
-    path: PathBuf,
-    unfinished: PathBuf,
+    folder: OutputFolder,
     manifest: BTreeMap<String, Entry>,
-    is_finished: bool,
 }
 
 impl NewFolder {
     /// Begins a folder that must not exist yet or be empty.
     pub(super) fn begin(path: &Path) -> Result<Self> {
-        let io = |cause: std::io::Error| Error::io(path, cause);
-        if path.exists() && fs::read_dir(path).map_err(io)?.next().is_some() {
-            return Err(
-                Error::new(ErrorKind::AlreadyExists, "this folder is not empty")
-                    .with_path(path)
-                    .with_help("a folder is never overwritten: choose another name"),
-            );
-        }
-        // `out/..` and the like have no name of their own.
-        let whole = std::path::absolute(path).map_err(io)?;
-        let Some(name) = whole.file_name() else {
-            let error = Error::new(ErrorKind::Config, "this is no name of a folder");
-            return Err(error.with_path(path));
-        };
-        let mut unfinished = std::ffi::OsString::from(".");
-        unfinished.push(name);
-        unfinished.push(".unfinished");
-        let unfinished = whole.with_file_name(unfinished);
-        // What a killed process has left; a link would lead elsewhere.
-        if fs::symlink_metadata(&unfinished).is_ok_and(|it| it.is_dir()) {
-            fs::remove_dir_all(&unfinished).map_err(io)?;
-        }
-        fs::create_dir(&unfinished).map_err(io)?;
         Ok(Self {
-            path: whole,
-            unfinished,
+            folder: OutputFolder::begin(path)?,
             manifest: BTreeMap::new(),
-            is_finished: false,
         })
     }
 
     /// Writes a file, whose name may have one folder before it.
     pub(super) fn write(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
-        let path = self.unfinished.join(name);
-        let io = |cause: std::io::Error| Error::io(&path, cause);
-        if let Some(folder) = path.parent().filter(|it| !it.exists()) {
-            fs::create_dir(folder).map_err(io)?;
-        }
-        let mut file = OutputFile::begin_new(&path)?;
-        file.write_all(bytes).map_err(io)?;
-        file.finish()?;
+        self.folder.write(name, bytes)?;
         self.manifest.insert(name.to_owned(), Entry::of(bytes));
         Ok(())
     }
 
     /// Writes the manifest and gives the folder its name.
-    pub(super) fn finish(mut self) -> Result<()> {
+    pub(super) fn finish(self) -> Result<()> {
         let rows: Vec<Vec<String>> = (self.manifest.iter())
             .map(|(name, entry)| {
                 vec![
@@ -106,26 +70,9 @@ impl NewFolder {
                 ]
             })
             .collect();
-        let text =
-            Table::to_csv(&MANIFEST_COLUMNS, &rows).map_err(|error| error.with_path(&self.path))?;
-        self.write(MANIFEST, &text)?;
-        if self.path.exists() {
-            // Only if it is still empty.
-            fs::remove_dir(&self.path).map_err(|cause| Error::io(&self.path, cause))?;
-        }
-        file::rename_new(&self.unfinished, &self.path)?;
-        self.is_finished = true;
-        file::sync_folder_of(&self.path);
-        Ok(())
-    }
-}
-
-impl Drop for NewFolder {
-    fn drop(&mut self) {
-        if !self.is_finished {
-            // It is ours; there is nobody to tell.
-            let _ = fs::remove_dir_all(&self.unfinished);
-        }
+        self.folder
+            .write(MANIFEST, &Table::to_csv(&MANIFEST_COLUMNS, &rows)?)?;
+        self.folder.finish()
     }
 }
 

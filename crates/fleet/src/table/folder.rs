@@ -1,91 +1,43 @@
 //! Which files are a table, and is it finished?
 //!
 //! A table is one file, or a folder of files as Spark writes it: `part-*.parquet`, and `_SUCCESS` once all
-//! are whole. A folder is written under another name (`.NAME.unfinished`) and renamed at the end.
+//! are whole. A folder of ours is there whole or not at all ([`OutputFolder`]).
 
 use std::fs;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use fremen::file::{OutputFile, rename_new, sync_folder_of};
+use fremen::file::OutputFolder;
 use fremen::{Error, ErrorKind, Result};
 
 /// The empty file that says that a folder is finished.
 pub const SUCCESS: &str = "_SUCCESS";
 
-/// A folder that is being written. Dropped before it is finished, it leaves nothing behind.
+/// A table that is being written as a folder. Dropped before it is finished, it leaves nothing behind.
 #[derive(Debug)]
-pub struct OutputFolder {
-    path: PathBuf,
-    unfinished: PathBuf,
-    is_finished: bool,
-}
+pub struct TableFolder(OutputFolder);
 
-impl OutputFolder {
-    /// Begins a folder that must not exist yet.
+impl TableFolder {
+    /// Begins a folder at a path where nothing is yet, or an empty folder.
     ///
-    /// Fails with [`ErrorKind::AlreadyExists`] if something bears the name.
+    /// Fails with [`ErrorKind::AlreadyExists`] if something else bears the name.
     pub fn begin(path: impl AsRef<Path>) -> Result<Self> {
-        let path = path.as_ref();
-        let io = |cause: std::io::Error| Error::io(path, cause);
-        let whole = std::path::absolute(path).map_err(io)?;
-        let Some(name) = whole.file_name() else {
-            let error = Error::new(ErrorKind::Config, "this is no name of a folder");
-            return Err(error.with_path(path));
-        };
-        if fs::symlink_metadata(&whole).is_ok() {
-            return Err(
-                Error::new(ErrorKind::AlreadyExists, "this is there already")
-                    .with_path(path)
-                    .with_help("a table is never overwritten: choose another name"),
-            );
-        }
-        let mut unfinished = std::ffi::OsString::from(".");
-        unfinished.push(name);
-        unfinished.push(".unfinished");
-        let unfinished = whole.with_file_name(unfinished);
-        // What a killed process has left; a link would lead elsewhere.
-        if fs::symlink_metadata(&unfinished).is_ok_and(|it| it.is_dir()) {
-            fs::remove_dir_all(&unfinished).map_err(io)?;
-        }
-        fs::create_dir(&unfinished).map_err(|cause| Error::io(&unfinished, cause))?;
-        Ok(Self {
-            path: whole,
-            unfinished,
-            is_finished: false,
-        })
+        OutputFolder::begin(path).map(Self)
     }
 
     /// Where a file of the folder is written until the folder is finished.
     pub fn file(&self, name: &str) -> PathBuf {
-        self.unfinished.join(name)
+        self.0.file(name)
     }
 
     /// Writes a file of the folder.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<()> {
-        let path = self.file(name);
-        let mut file = OutputFile::begin_new(&path)?;
-        file.write_all(bytes)
-            .map_err(|cause| Error::io(&path, cause))?;
-        file.finish()
+        self.0.write(name, bytes)
     }
 
     /// Says that all files are whole, and gives the folder its name.
-    pub fn finish(mut self) -> Result<()> {
-        self.write(SUCCESS, b"")?;
-        rename_new(&self.unfinished, &self.path)?;
-        self.is_finished = true;
-        sync_folder_of(&self.path);
-        Ok(())
-    }
-}
-
-impl Drop for OutputFolder {
-    fn drop(&mut self) {
-        if !self.is_finished {
-            // It is ours; there is nobody to tell.
-            let _ = fs::remove_dir_all(&self.unfinished);
-        }
+    pub fn finish(self) -> Result<()> {
+        self.0.write(SUCCESS, b"")?;
+        self.0.finish()
     }
 }
 

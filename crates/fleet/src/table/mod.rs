@@ -14,6 +14,6 @@ mod reader;
 mod writer;
 
 pub use features::{FeatureRow, FeatureWriter, read_features};
-pub use folder::{OutputFolder, SUCCESS, files_of};
+pub use folder::{SUCCESS, TableFolder, files_of};
 pub use models::{ModelWriter, read_models};
 pub use observations::{ObservationWriter, ReadConfig, ReadReport, read_observations, read_series};

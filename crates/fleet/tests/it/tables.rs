@@ -4,7 +4,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use chronotope_fleet::table::{
-    FeatureRow, FeatureWriter, ModelWriter, ObservationWriter, OutputFolder, ReadConfig, files_of,
+    FeatureRow, FeatureWriter, ModelWriter, ObservationWriter, ReadConfig, TableFolder, files_of,
     read_features, read_models, read_observations, read_series,
 };
 use chronotope_fleet::{FleetConfig, learn};
@@ -87,7 +87,7 @@ fn what_is_not_finished_leaves_nothing_and_is_not_read() {
         names
     };
     let path = folder.path().join("table");
-    let output = OutputFolder::begin(&path).expect("new");
+    let output = TableFolder::begin(&path).expect("new");
     let mut table = ObservationWriter::begin(output.file("part-0.parquet")).expect("new");
     let log = log_of(&observations()[..50]);
     let visit = &log.places()[0].visits()[0];
@@ -109,7 +109,7 @@ fn what_is_not_finished_leaves_nothing_and_is_not_read() {
     let (log, _) = read_observations(&files, &ReadConfig::default()).expect("sound");
     assert_eq!(log.num_observations(), 50);
     assert_eq!(
-        OutputFolder::begin(&path).expect_err("it is there").kind(),
+        TableFolder::begin(&path).expect_err("it is there").kind(),
         ErrorKind::AlreadyExists
     );
 }

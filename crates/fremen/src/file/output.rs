@@ -15,7 +15,7 @@ use super::input::unblocked;
 use crate::error::{Error, ErrorKind, Result};
 
 /// How often a name is tried again that another process has just taken or given up.
-const MAX_ATTEMPTS: usize = 16;
+pub(super) const MAX_ATTEMPTS: usize = 16;
 
 /// What an output is, and how an earlier one is recognised.
 #[derive(Clone, Copy, Debug)]
@@ -308,7 +308,7 @@ fn check_is_earlier_output(path: &Path, kind: OutputKind, inputs: &[&Path]) -> R
 }
 
 /// Whether a file is the one at `path`, by whatever name.
-fn is_same(file: &Metadata, path: &Path) -> bool {
+pub(super) fn is_same(file: &Metadata, path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|other| identity(file) == identity(&other))
 }
 
@@ -326,9 +326,9 @@ fn identity(file: &Metadata) -> (u64, Option<std::time::SystemTime>) {
 }
 
 /// `.NAME.unfinished`, beside the file.
-fn unfinished_name(path: &Path) -> Result<PathBuf> {
+pub(super) fn unfinished_name(path: &Path) -> Result<PathBuf> {
     let Some(name) = path.file_name() else {
-        let error = Error::new(ErrorKind::Config, "this is no name of a file");
+        let error = Error::new(ErrorKind::Config, "this is no name of a file or a folder");
         return Err(error.with_path(path));
     };
     let mut unfinished = std::ffi::OsString::from(".");
@@ -361,9 +361,7 @@ fn claim(path: &Path) -> Result<File> {
             // A file system without locks: nobody is kept out.
             Ok(()) | Err(std::fs::TryLockError::Error(_)) => {}
             Err(std::fs::TryLockError::WouldBlock) => {
-                let message = "another process is writing this file";
-                return Err(Error::new(ErrorKind::Conflict, message)
-                    .with_help("wait until it has finished and repeat"));
+                return Err(being_written("file"));
             }
         }
         // Before it was locked, another process may have finished or removed it.
@@ -373,6 +371,12 @@ fn claim(path: &Path) -> Result<File> {
     }
     let message = "other processes are writing this file all the time";
     Err(Error::new(ErrorKind::Conflict, message).with_help("repeat later"))
+}
+
+/// The error where another process holds the lock.
+pub(super) fn being_written(what: &str) -> Error {
+    let message = format!("another process is writing this {what}");
+    Error::new(ErrorKind::Conflict, message).with_help("wait until it has finished and repeat")
 }
 
 /// Gives a file the rights of another, as far as they are not execution, and its owner if that is
@@ -394,7 +398,7 @@ fn copy_rights(from: &Metadata, to: &File) {
 fn copy_rights(_: &Metadata, _: &File) {}
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
     const NOTE: OutputKind = OutputKind {
@@ -402,7 +406,8 @@ mod tests {
         begins: b"note",
     };
 
-    fn names(folder: &Path) -> Vec<String> {
+    /// What is in a folder, in order.
+    pub(in crate::file) fn names(folder: &Path) -> Vec<String> {
         let mut names: Vec<String> = (std::fs::read_dir(folder).expect("a folder"))
             .map(|it| {
                 it.expect("there")

@@ -130,6 +130,29 @@ pub(crate) fn mask_of(object: &Bound<'_, PyAny>) -> Result<GrayImage> {
     Ok(pixels.view()?.to_image())
 }
 
+/// What neither mask hides.
+pub(crate) fn both(
+    own: Option<GrayImage>,
+    given: Option<&GrayImage>,
+) -> chronotope::Result<Option<GrayImage>> {
+    let (Some(own), Some(given)) = (&own, given) else {
+        return Ok(own.or(given.cloned()));
+    };
+    if own.size() != given.size() {
+        return Err(
+            Error::new(ErrorKind::Shape, "the mask has another size than the image")
+                .with_help("make the mask for the image after its index has cut and scaled it"),
+        );
+    }
+    let pixels = own
+        .data()
+        .iter()
+        .zip(given.data())
+        .map(|(&a, &b)| a.min(b))
+        .collect();
+    GrayImage::new(own.width(), own.height(), pixels).map(Some)
+}
+
 fn contiguous<'a>(array: &'a PyReadonlyArrayDyn<'_, u8>) -> Result<&'a [u8]> {
     Ok(array.as_slice().map_err(|_| {
         shape_error(

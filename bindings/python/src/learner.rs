@@ -1,9 +1,11 @@
 //! How are labelled images learnt from Python, one by one?
 
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use chronotope::feature::{Extractor, ExtractorConfig, Features};
+use chronotope::dataset::{PictureFinder, ReadOptions};
+use chronotope::feature::{Extractor, ExtractorConfig, Features, GrayImage};
 use chronotope::learn::{Circumstances, LearnConfig, Observation};
 use chronotope::map::{Map, PlaceKey, SessionId};
 use chronotope::robot::OnlineLearner;
@@ -15,7 +17,7 @@ use serde_json::json;
 use crate::failure::{Result, detached, of_kind};
 use crate::features::PyFeatures;
 use crate::hints::{ConfigLike, ImageLike, Json, MapLike, MaskLike, TimeLike};
-use crate::image::{Pixels, mask_of};
+use crate::image::{Pixels, both, mask_of};
 use crate::map::PyMap;
 use crate::python::{json_line, loads, overlaid, time_of};
 use crate::settings::preset_of;
@@ -106,11 +108,12 @@ impl PyLearner {
     /// Learns one image of ``place``, taken at ``time``; gives a dictionary with ``num_seen``,
     /// ``num_born``, ``experience``, ``is_same_visit`` and ``doubt``, which says why it is held instead.
     ///
-    /// ``image`` is an array, a PIL image, or ``Features`` with their ``image_size``. ``name`` is kept for
-    /// people.
+    /// ``image`` is an array, a PIL image, ``Features`` with their ``image_size``, or the path of a file, which
+    /// is cut, turned, scaled and masked as an index.csv above it says. ``name`` is kept for people (of a path:
+    /// its own).
     ///
     /// Errors: ``AlreadyExistsError`` if the very same visit was learnt before, ``ShapeError`` for images of
-    /// another size than the map's, ``TimeError``.
+    /// another size than the map's, ``TimeError``, ``FormatError`` for a file that is no image.
     #[pyo3(signature = (place, image, time, *, mask=None, bgr=false, name=""))]
     #[allow(clippy::too_many_arguments)] // reason: keyword arguments of Python.
     fn observe<'py>(
@@ -125,11 +128,18 @@ impl PyLearner {
     ) -> Result<Json<'py>> {
         let place = PlaceKey::written(place)?;
         let time = time_of(&time.0)?;
-        let mask = mask.map(|mask| mask_of(&mask.0)).transpose()?;
+        let mut mask = mask.map(|mask| mask_of(&mask.0)).transpose()?;
+        let file = match image.0.extract::<PathBuf>() {
+            Ok(path) => Some(detached(py, || load(&path))?),
+            Err(_) => None,
+        };
+        let name = match &file {
+            Some(file) if name.is_empty() => &file.name,
+            _ => name,
+        };
         let nothing = Features::new();
         let mut observation =
             Observation::new(place, self.session, time, &nothing, (0, 0)).with_source(name);
-        observation.mask = mask.as_ref();
         let mut circumstances = Circumstances {
             now: Some(Time::now()),
             is_live: false,
@@ -146,9 +156,16 @@ impl PyLearner {
                 .with_help("give Features(..., image_size=(width, height))")
             })?;
             observation.features = &features.features;
+            observation.mask = mask.as_ref();
             self.with(py, |learner| learner.observe(&observation, &circumstances))?
         } else {
-            let pixels = Pixels::of(&image.0, bgr)?;
+            let pixels = match file {
+                Some(file) => {
+                    mask = both(file.mask, mask.as_ref())?;
+                    Pixels::Owned(file.image)
+                }
+                None => Pixels::of(&image.0, bgr)?,
+            };
             let view = pixels.view()?;
             self.with(py, |learner| {
                 let mut features = Features::new();
@@ -157,6 +174,7 @@ impl PyLearner {
                 circumstances.gray_range = view.gray_range(mask.as_ref());
                 let mut observation = observation;
                 observation.features = &features;
+                observation.mask = mask.as_ref();
                 observation.image_size = view.size();
                 learner.observe(&observation, &circumstances)
             })?
@@ -207,4 +225,33 @@ impl PyLearner {
     fn __exit__(&self, py: Python<'_>, _exception: &Bound<'_, PyTuple>) -> Result<()> {
         self.close(py)
     }
+}
+
+/// A picture of a file, with what its index hides.
+struct Loaded {
+    name: String,
+    image: GrayImage,
+    mask: Option<GrayImage>,
+}
+
+/// Reads the one picture of a file.
+fn load(path: &Path) -> chronotope::Result<Loaded> {
+    let found = PictureFinder::new(ReadOptions::default())
+        .find(path)
+        .map_err(|error| error.with_path(path))?;
+    let [picture] = found.as_slice() else {
+        let message = format!(
+            "this is {} pictures, and one is learnt at a time",
+            found.len()
+        );
+        return Err(Error::new(ErrorKind::Config, message)
+            .with_path(path)
+            .with_help("give the array of one of them, or learn the file with Map.update"));
+    };
+    let (image, mask) = (picture.source.load_masked()).map_err(|error| error.with_path(path))?;
+    Ok(Loaded {
+        name: picture.name.clone(),
+        image,
+        mask,
+    })
 }

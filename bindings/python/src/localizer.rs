@@ -22,7 +22,7 @@ use crate::hints::{
     Answers, ConfigLike, ImageLike, ImagesLike, Json, MapLike, MaskLike, PathLike, PixelsLike,
     ProgressLike, TimeLike, TimesLike,
 };
-use crate::image::{Pixels, mask_of};
+use crate::image::{Pixels, both, mask_of};
 use crate::map::PyMap;
 use crate::progress::Progress;
 use crate::python::{json_line, loads, time_if_given, time_of};
@@ -323,29 +323,6 @@ fn finder(zone: Option<&str>, manifest: Option<&str>) -> Result<PictureFinder> {
         Some(manifest) => finder.with_manifest(manifest)?,
         None => finder,
     })
-}
-
-/// What neither mask hides.
-fn both(
-    own: Option<GrayImage>,
-    given: Option<&GrayImage>,
-) -> chronotope::Result<Option<GrayImage>> {
-    let (Some(own), Some(given)) = (&own, given) else {
-        return Ok(own.or(given.cloned()));
-    };
-    if own.size() != given.size() {
-        return Err(
-            Error::new(ErrorKind::Shape, "the mask has another size than the image")
-                .with_help("make the mask for the image after its index has cut and scaled it"),
-        );
-    }
-    let pixels = own
-        .data()
-        .iter()
-        .zip(given.data())
-        .map(|(&a, &b)| a.min(b))
-        .collect();
-    GrayImage::new(own.width(), own.height(), pixels).map(Some)
 }
 
 #[pymethods]

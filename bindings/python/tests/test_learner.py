@@ -47,6 +47,30 @@ def test_features_are_learnt_as_their_image_is(
         chronotope.Learner(tmp_path / "pixels.map").observe("home", bare, 0)
 
 
+def test_a_file_is_learnt_as_its_pixels_are(
+    street: chronotope.Street, tmp_path: pathlib.Path
+) -> None:
+    pil = pytest.importorskip("PIL.Image")
+    time = street.schedule(1, 1)[0][0]
+    image = street.render(street.places[0], time)
+    path = tmp_path / "a.png"
+    pil.fromarray(image).save(path)
+    mask = np.full(image.shape, 255, np.uint8)
+    mask[:, : image.shape[1] // 2] = 0
+    born = []
+    for name, given in (("pixels", image), ("path", path), ("text", str(path))):
+        map_ = chronotope.Map.create(tmp_path / f"{name}.map", name="street")
+        with chronotope.Learner(map_) as learner:
+            born.append(learner.observe("home", given, time, mask=mask)["num_born"])
+    assert born[0] > 0
+    assert born == born[:1] * 3
+    (tmp_path / "b.png").write_text("no image")
+    learner = chronotope.Learner(tmp_path / "path.map")
+    for missing, kind in (("b.png", chronotope.FormatError), ("c.png", chronotope.NotFoundError)):
+        with pytest.raises(kind, match=missing):
+            learner.observe("home", tmp_path / missing, time)
+
+
 def test_the_same_visit_is_not_learnt_twice(map_path: pathlib.Path, query) -> None:
     learner = chronotope.Learner(map_path)
     learner.observe(query[2], query[0], query[1])

@@ -167,11 +167,12 @@ class Learner:
         Learns one image of ``place``, taken at ``time``; gives a dictionary with ``num_seen``,
         ``num_born``, ``experience``, ``is_same_visit`` and ``doubt``, which says why it is held instead.
 
-        ``image`` is an array, a PIL image, or ``Features`` with their ``image_size``. ``name`` is kept for
-        people.
+        ``image`` is an array, a PIL image, ``Features`` with their ``image_size``, or the path of a file, which
+        is cut, turned, scaled and masked as an index.csv above it says. ``name`` is kept for people (of a path:
+        its own).
 
         Errors: ``AlreadyExistsError`` if the very same visit was learnt before, ``ShapeError`` for images of
-        another size than the map's, ``TimeError``.
+        another size than the map's, ``TimeError``, ``FormatError`` for a file that is no image.
         """
 
 @final

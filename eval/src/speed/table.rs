@@ -25,12 +25,15 @@ pub(super) fn render(report: &SpeedReport) -> String {
         let _ = writeln!(text, "Missing   {missing}");
     }
     let mut section = "";
+    let (mut case_width, mut subject_width) = (0, 0);
     for row in &report.measurements {
         if row.section != section {
             section = &row.section;
+            case_width = width_of(report, section, "case", |row| &row.case);
+            subject_width = width_of(report, section, "subject", |row| &row.subject);
             let _ = writeln!(
                 text,
-                "\n{section}\n  {:<25}{:<30}{:>11}{:>11}{:>11}{:>10}{:>7}{:>9}{:>9}  note",
+                "\n{section}\n  {:<case_width$}{:<subject_width$}{:>11}{:>11}{:>11}{:>10}{:>7}{:>9}{:>9}  note",
                 "case",
                 "subject",
                 "best ms",
@@ -42,7 +45,8 @@ pub(super) fn render(report: &SpeedReport) -> String {
                 "nearest"
             );
         }
-        let _ = writeln!(text, "{}", line(report, row).trim_end());
+        let line = line(report, row, case_width, subject_width);
+        let _ = writeln!(text, "{}", line.trim_end());
     }
     compare(report, &mut text);
     if let Some(places) = break_even(report) {
@@ -129,11 +133,16 @@ fn compare(report: &SpeedReport, text: &mut String) {
     }
 }
 
-fn line(report: &SpeedReport, row: &Measurement) -> String {
+fn line(
+    report: &SpeedReport,
+    row: &Measurement,
+    case_width: usize,
+    subject_width: usize,
+) -> String {
     let or_blank = |text: Option<String>| text.unwrap_or_default();
     let ns = row.pairs.map(|pairs| row.ms_best * 1e6 / pairs as f64);
     format!(
-        "  {:<25}{:<30}{:>11.3}{:>11.3}{:>11}{:>10}{:>7}{:>9}{:>9}  {}",
+        "  {:<case_width$}{:<subject_width$}{:>11.3}{:>11.3}{:>11}{:>10}{:>7}{:>9}{:>9}  {}",
         row.case,
         row.subject,
         row.ms_best,
@@ -145,4 +154,19 @@ fn line(report: &SpeedReport, row: &Measurement) -> String {
         or_blank(row.recall.map(|recall| format!("{:.1} %", 100.0 * recall))),
         row.note
     )
+}
+
+/// Columns that the longest text of a section needs, with the space after it.
+fn width_of(
+    report: &SpeedReport,
+    section: &str,
+    head: &str,
+    text: impl Fn(&Measurement) -> &str,
+) -> usize {
+    let rows = report
+        .measurements
+        .iter()
+        .filter(|row| row.section == section);
+    let longest = rows.map(|row| text(row).chars().count()).max();
+    longest.unwrap_or(0).max(head.len()) + 2
 }

@@ -16,8 +16,9 @@
 //! has not changed and predicts the rest.
 //!
 //! Cost: what predicting costs, once a bucket; a lock and a reference count a query. Memory of a
-//! forecast that nobody holds any more is used for the next one, so a thread alone allocates
-//! nothing once warm, but for the lists that candidates of a large map are found in.
+//! forecast that nobody holds any more is used for the next one, so in a map of up to some hundred
+//! places a thread alone allocates nothing once warm; a larger one is predicted on all threads,
+//! each of which allocates its part.
 
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -37,6 +38,9 @@ use fremen::time::Time;
 const NUM_KEPT: usize = 2;
 /// Places that one thread predicts at a time.
 const PLACES_PER_TASK: usize = 64;
+/// From so many places on an image that comes first in its bucket waits for the threads of the pool
+/// and not for one: a thousand places take a tenth of a second.
+const MIN_SHARED: usize = 512;
 
 /// What forecasts are made from.
 #[derive(Clone, Copy, Debug)]
@@ -170,7 +174,7 @@ impl Forecast {
             && !words.is_empty()
         {
             let places = PredictedPlaces {
-                descriptors: self.features.descriptors(),
+                features: self.features.view(),
                 ends: &self.ends,
                 expectations: &self.expectations,
             };
@@ -331,13 +335,17 @@ impl Forecasts {
         whole
     }
 
-    /// The predicted maps at `time`, which is the middle of a bucket.
+    /// The predicted maps at `time`, which is the middle of a bucket; of a large map made on all
+    /// threads.
     pub(super) fn at(
         &self,
         source: ForecastSource<'_>,
         predicted: &mut PredictedMap,
         time: Time,
     ) -> Arc<Forecast> {
+        if source.map.plans.len() >= MIN_SHARED {
+            return self.at_by_all(source, time);
+        }
         if let Some(known) = self.get(time) {
             return known;
         }

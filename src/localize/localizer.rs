@@ -313,7 +313,7 @@ impl Localizer {
         of_nothing.clear();
         let finder = forecast.shortlist(&self.finder);
         if let Some(finder) = finder {
-            finder.shortlist_into(shortlist, live.descriptors, LENGTH, places);
+            finder.shortlist_into(shortlist, live, LENGTH, places);
             forecast.gather_into(places, ranked, ends);
         }
         let (all, ends) = match finder {

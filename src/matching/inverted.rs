@@ -244,26 +244,25 @@ impl InvertedFile {
         self.lists.len()
     }
 
-    /// Calls `found(row, bits)` for every row within `max_bits` of some query, among the lists
-    /// searched for it; a row that is near to several queries is named several times. By list,
-    /// query and row.
+    /// Calls `found(query, row, bits)` for every row within `max_bits` of some query, among the
+    /// lists searched for it; a row that is near to several queries is named several times. By
+    /// list, query and row.
     pub fn rows_within(
         &self,
         scratch: &mut SearchScratch,
         queries: &[Descriptor],
         max_bits: u16,
-        mut found: impl FnMut(u32, u16),
+        mut found: impl FnMut(u32, u32, u16),
     ) {
         self.visits_into(scratch, queries);
         for &(list, query) in &scratch.visits {
             let (start, len) = self.lists[list as usize];
-            let query = &queries[query as usize];
             (self.kernel).rows_within(
-                query,
+                &queries[query as usize],
                 &self.rows,
                 start..start + len,
                 max_bits,
-                |row, bits| found(self.ids[row as usize], bits),
+                |row, bits| found(query, self.ids[row as usize], bits),
             );
         }
     }

@@ -87,14 +87,16 @@ proptest! {
         let file = InvertedFile::new(&train, 7, 7).unwrap();
         let mut found = Vec::new();
         let scratch = &mut SearchScratch::default();
-        file.rows_within(scratch, &queries, max_bits, |row, bits| found.push((row, bits)));
+        file.rows_within(scratch, &queries, max_bits, |query, row, bits| {
+            found.push((query, row, bits));
+        });
         found.sort_unstable();
         let mut expected = Vec::new();
-        for query in &queries {
+        for (query, wanted) in (0..).zip(&queries) {
             let rows = (0..).zip(&train);
-            expected.extend(rows.map(|(row, other)| (row, query.distance_bits(other) as u16)));
+            expected.extend(rows.map(|(row, other)| (query, row, wanted.distance_bits(other) as u16)));
         }
-        expected.retain(|&(_, bits): &(u32, u16)| bits <= max_bits);
+        expected.retain(|&(.., bits): &(u32, u32, u16)| bits <= max_bits);
         expected.sort_unstable();
         prop_assert_eq!(found, expected);
     }

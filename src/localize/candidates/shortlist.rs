@@ -2,7 +2,8 @@
 
 use std::fmt::Debug;
 
-use crate::feature::Descriptor;
+use super::tally::Tally;
+use crate::feature::FeaturesView;
 use crate::matching::SearchScratch;
 
 /// Places on a short list.
@@ -14,7 +15,7 @@ pub(in crate::localize) trait Shortlist: Debug + Send + Sync {
     fn shortlist_into(
         &self,
         scratch: &mut ShortlistScratch,
-        live: &[Descriptor],
+        live: FeaturesView<'_>,
         count: usize,
         out: &mut Vec<u32>,
     );
@@ -24,13 +25,9 @@ pub(in crate::localize) trait Shortlist: Debug + Send + Sync {
 #[derive(Clone, Debug, Default)]
 pub(in crate::localize) struct ShortlistScratch {
     pub(super) search: SearchScratch,
-    /// Distance of the nearest live feature to each row; all ones between searches.
-    pub(super) nearest: Vec<u16>,
-    pub(super) found: Vec<u32>,
+    pub(super) tally: Tally,
     #[cfg(feature = "hnsw")]
     pub(super) words: Vec<u32>,
     #[cfg(feature = "hnsw")]
     pub(super) signature: Vec<f32>,
-    /// What speaks for each place.
-    pub(super) votes: Vec<(f32, u32)>,
 }

@@ -6,7 +6,7 @@ use hnsw_rs::prelude::{Distance, Hnsw};
 
 use super::shortlist::{Shortlist, ShortlistScratch};
 use super::words::learn_words;
-use crate::feature::Descriptor;
+use crate::feature::FeaturesView;
 use crate::map::{Node, Snapshot};
 use crate::matching::{BinaryWords, SearchScratch};
 
@@ -125,7 +125,7 @@ impl Shortlist for Signatures {
     fn shortlist_into(
         &self,
         scratch: &mut ShortlistScratch,
-        live: &[Descriptor],
+        live: FeaturesView<'_>,
         count: usize,
         out: &mut Vec<u32>,
     ) {
@@ -136,7 +136,7 @@ impl Shortlist for Signatures {
             ..
         } = scratch;
         words.clear();
-        self.words.words_into(search, live, words);
+        self.words.words_into(search, live.descriptors, words);
         count_words(words, std::iter::repeat(1.0), signature);
         normalize(signature, &self.rarity);
         out.clear();

@@ -108,10 +108,7 @@ pub fn read_observations(files: &[PathBuf], cfg: &ReadConfig) -> Result<(FleetLo
     };
     let log = pool.install(|| {
         let logs = groups.par_chunks(share).map(read);
-        logs.try_reduce(FleetLog::new, |mut log, other| {
-            log.merge(other)?;
-            Ok(log)
-        })
+        logs.try_reduce(FleetLog::new, |log, other| Ok(log.merge(other)?))
     });
     let log = log.map_err(|refused| match refused {
         Refused::Error(error) => error,

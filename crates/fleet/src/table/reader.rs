@@ -85,11 +85,6 @@ impl TableFile {
         self.metadata.metadata().num_row_groups()
     }
 
-    pub(super) fn num_rows(&self, row_group: usize) -> u64 {
-        let groups = self.metadata.metadata().row_groups();
-        groups[row_group].num_rows().cast_unsigned()
-    }
-
     /// The rows of one row group, some at a time.
     pub(super) fn rows(&self, row_group: usize) -> Result<Rows<'_>> {
         // A file of its own: a shared one has one position for all threads.

@@ -204,15 +204,18 @@ impl Batch<'_> {
 
     /// The error for what is in a row of a column.
     pub(super) fn error(&self, column: usize, row: usize, message: impl Into<String>) -> Error {
+        self.located(column, row, Error::new(ErrorKind::Format, message))
+    }
+
+    /// The error, with the row of the column that it is about.
+    pub(super) fn located(&self, column: usize, row: usize, error: Error) -> Error {
         let place = format!(
             "row group {}, column `{}`, row {}",
             self.row_group,
             self.table.columns[column].0,
             self.first_row + row
         );
-        Error::new(ErrorKind::Format, message)
-            .with_path(&self.table.path)
-            .with_place(place)
+        error.with_path(&self.table.path).with_place(place)
     }
 
     /// The numbers of a column.

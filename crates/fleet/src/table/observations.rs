@@ -280,6 +280,9 @@ pub fn read_series(files: &[PathBuf], place: Option<&str>, feature: Option<u32>)
         Error::new(kind, message).with_path(first()).with_help(help)
     };
     let names = |help: &str| {
+        if places.is_empty() {
+            return "no row is in these files".to_owned();
+        }
         let some: Vec<&str> = places.iter().take(5).map(|it| it.key()).collect();
         let dots = if places.len() > 5 { ", ..." } else { "" };
         format!("{help}{}{dots}", some.join(", "))

@@ -3,7 +3,7 @@
 //! One thread waits for everything at once: images, the clock, requests, answers of the robot's
 //! thread. It only passes on, so it is always ready for the next image.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
@@ -40,6 +40,8 @@ const TICK: Duration = Duration::from_millis(50);
 const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
 /// The map's file is looked at so often where nobody wants it taken over.
 const LOOK_PERIOD: Duration = Duration::from_secs(5);
+/// Images that cannot be used are logged so often: each stands in the diagnostics anyway.
+const FAILURE_PERIOD: Duration = Duration::from_secs(60);
 /// An image of a place that was named has to come within this.
 const LESSON_PATIENCE: Duration = Duration::from_secs(5);
 /// What was learnt is written within this once the node shall end.
@@ -149,7 +151,6 @@ pub(crate) fn run(names: &RosArguments) -> Result<()> {
         levels: BTreeMap::new(),
         simulated: None,
         due: Due::default(),
-        failures: VecDeque::new(),
         end: None,
         waiting: FuturesUnordered::new(),
     };
@@ -236,6 +237,7 @@ struct Due {
     diagnostics: Option<Instant>,
     look: Option<Instant>,
     picture: Option<Instant>,
+    failure: Option<Instant>,
 }
 
 /// Whether a period has passed since `last`, which then begins anew.
@@ -278,8 +280,6 @@ struct Running<'a> {
     /// What the clock of a simulation says.
     simulated: Option<Time>,
     due: Due,
-    /// When images failed, of the last minute: not every one is logged.
-    failures: VecDeque<Instant>,
     /// Until when the robot's thread may finish.
     end: Option<Instant>,
     waiting: FuturesUnordered<Answering>,
@@ -377,17 +377,10 @@ impl Running<'_> {
         });
     }
 
-    /// An image cannot be used: told at once, and then seldom.
+    /// An image cannot be used.
     fn fail(&mut self, error: String) {
-        let now = Instant::now();
-        while (self.failures.front()).is_some_and(|it| now.duration_since(*it).as_secs() >= 60) {
-            self.failures.pop_front();
-        }
-        if self.failures.is_empty() {
+        if is_due(&mut self.due.failure, FAILURE_PERIOD) {
             self.log(LOG_ERROR, &error);
-        }
-        if self.failures.len() < 2 {
-            self.failures.push_back(now);
         }
         self.health.fail(error);
     }

@@ -696,14 +696,10 @@ impl Running<'_> {
         if is_active && self.health.silence(now) > self.settings.camera_timeout {
             self.say(&PlannerView::nowhere());
         }
-        let rate_hz = self.settings.debug_rate_hz;
-        if rate_hz > 0.0
+        if let Some(period) = self.settings.debug_period
             && is_active
             && self.node.subscription_count(&self.picture_topic) > 0
-            && is_due(
-                &mut self.due.picture,
-                Duration::from_secs_f64(1.0 / rate_hz),
-            )
+            && is_due(&mut self.due.picture, period)
         {
             self.mailbox.want_picture();
         }

@@ -332,11 +332,15 @@ impl Engine {
                 reply,
             } => {
                 if self.is_learning() {
-                    self.lesson = Some(Lesson {
+                    let lesson = Lesson {
                         place,
                         until,
                         reply,
-                    });
+                    };
+                    if let Some(before) = self.lesson.replace(lesson) {
+                        let why = "another place was named before an image came";
+                        answer(Some(before.reply), Err(why.into()));
+                    }
                 } else {
                     let why =
                         "nothing is learnt: start the node with learn:=true, and set learning";

@@ -327,11 +327,11 @@ impl Running<'_> {
             }
             Input::Asked(asker, request) => self.serve(asker, request),
             Input::Parameters(request) => {
-                match self.offered.parameters.answer(self.node, request) {
-                    Ok(true) => self.configure(),
-                    Ok(false) => {}
-                    Err(error) => self.not_sent(&error),
+                if let Err(error) = self.offered.parameters.answer(self.node, request) {
+                    self.not_sent(&error);
                 }
+                // What was set is set, also where nobody heard of it.
+                self.configure();
             }
             Input::Lifecycle(request) => {
                 match self.offered.lifecycle.answer(&self.machine, request) {
@@ -627,9 +627,7 @@ impl Running<'_> {
         }
         let before = std::mem::replace(&mut self.settings, settings);
         (self.mailbox).tell(Command::Configure(Box::new(self.settings.clone())));
-        let state = self.machine.state();
-        if before.source != self.settings.source && (state.has_map() || state == State::Configuring)
-        {
+        if before.source != self.settings.source && self.machine.state().may_have_map() {
             self.health.map.newer = None;
             self.give(Task::Open {
                 source: self.settings.source.clone(),

@@ -6,6 +6,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
 use std::time::SystemTime;
 
 use chronotope::error::{Error, ErrorKind, Result};
@@ -20,8 +21,8 @@ use futures::channel::mpsc::UnboundedSender;
 use crate::engine::{Command, Mailbox, Reply, Report, answer};
 use crate::parameters::MapSource;
 
-/// An answer that takes several packets does not find who asked: the middleware leaves out of them
-/// what it answers.
+/// An answer that takes several packets does not reach whoever asked: the middleware leaves out of
+/// such packets which request they answer.
 const MAX_ANSWER_BYTES: usize = 900;
 
 /// What the thread is asked for.
@@ -46,15 +47,18 @@ pub(crate) enum Task {
 }
 
 /// Starts the thread; it ends with the last sender.
-pub(crate) fn start(mailbox: Mailbox, reports: UnboundedSender<Report>) -> Result<Sender<Task>> {
+pub(crate) fn start(
+    mailbox: Mailbox,
+    reports: UnboundedSender<Report>,
+) -> Result<(Sender<Task>, JoinHandle<()>)> {
     let (tasks, inbox) = channel();
-    std::thread::Builder::new()
+    let thread = std::thread::Builder::new()
         .name("chronotope-clerk".into())
         .spawn(move || Clerk::new(mailbox, reports).run(&inbox))
         .map_err(|cause| {
             Error::new(ErrorKind::Io, format!("no thread to open maps: {cause}")).with_source(cause)
         })?;
-    Ok(tasks)
+    Ok((tasks, thread))
 }
 
 /// Opens a map as the parameters say.

@@ -33,7 +33,7 @@ use crate::messages::{Clock, ClosestEdges, Float32, Outcome, Text};
 use crate::parameters::{LEARNING, PARAMETERS, Settings};
 use crate::planner::PlannerView;
 use crate::services::{Asker, ParameterRequest, ParameterServices, Request, Services};
-use crate::topics::{Camera, Creator, Ends, Publishers, of_images};
+use crate::topics::{Camera, Creator, Ends, Publishers};
 
 /// How often it is looked whether something is due.
 const TICK: Duration = Duration::from_millis(50);
@@ -44,7 +44,7 @@ const LOOK_PERIOD: Duration = Duration::from_secs(5);
 const FAILURE_PERIOD: Duration = Duration::from_secs(60);
 /// An image of a place that was named has to come within this.
 const LESSON_PATIENCE: Duration = Duration::from_secs(5);
-/// What was learnt is written within this once the node shall end.
+/// For so long it is heard how the robot's thread ends; a little later `interrupt` ends the process.
 const END_PATIENCE: Duration = Duration::from_millis(1_200);
 
 /// Levels of `rcl_interfaces/msg/Log`.
@@ -78,16 +78,7 @@ pub(crate) fn run(names: &RosArguments) -> Result<()> {
     let context = Context::from_domain_participant(participant()?.build()?)?;
     let node_name = NodeName::new(&names.namespace, &names.node)
         .map_err(|cause| anyhow!("`{}{}`: {cause}", names.namespace, names.node))?;
-    // Its own parameter services have descriptions.
-    let mut options = NodeOptions::new()
-        .enable_rosout(false)
-        .start_parameter_services(false);
-    for declared in PARAMETERS {
-        let value = names.parameter(declared.name).cloned();
-        let value = value.unwrap_or_else(|| declared.default_value());
-        options = options.declare_parameter(declared.name, value);
-    }
-    let mut node = context.new_node(node_name, options)?;
+    let mut node = context.new_node(node_name, options(names))?;
     let log = node.create_publisher(&context.get_rosout_topic(), None)?;
     let services = Services::create(&mut node, names)?;
     let parameters = ParameterServices::create(&mut node, names)?;
@@ -103,18 +94,12 @@ pub(crate) fn run(names: &RosArguments) -> Result<()> {
         ("rosgraph_msgs", "Clock"),
         &QosProfile::subscription_default(),
     )?;
-    let qos = of_images(settings.is_reliable);
-    let camera = if settings.is_compressed {
-        let kind = ("sensor_msgs", "CompressedImage");
-        Camera::Encoded(creator.subscription("image", kind, &qos)?)
-    } else {
-        Camera::Raw(creator.subscription("image", ("sensor_msgs", "Image"), &qos)?)
-    };
+    let camera = creator.camera(settings.is_compressed, settings.is_reliable)?;
     let ends = creator.ends;
 
     let (reports, heard) = unbounded();
     let mailbox = Mailbox::default();
-    let tasks = clerk::start(mailbox.clone(), reports.clone())?;
+    let (tasks, clerk) = clerk::start(mailbox.clone(), reports.clone())?;
     let retire = tasks.clone();
     let engine = Engine::start(
         robot,
@@ -159,7 +144,26 @@ pub(crate) fn run(names: &RosArguments) -> Result<()> {
     if engine.join().is_err() {
         return Err(anyhow!("the robot's thread has panicked"));
     }
+    // The clerk ends with the last who can give it a task, and may be writing what a robot that was
+    // replaced has learnt.
+    drop(running);
+    if clerk.join().is_err() {
+        return Err(anyhow!("the clerk's thread has panicked"));
+    }
     Ok(())
+}
+
+/// All parameters with their values. Its own services of parameters have descriptions.
+fn options(names: &RosArguments) -> NodeOptions {
+    let mut options = NodeOptions::new()
+        .enable_rosout(false)
+        .start_parameter_services(false);
+    for declared in PARAMETERS {
+        let value = names.parameter(declared.name).cloned();
+        let value = value.unwrap_or_else(|| declared.default_value());
+        options = options.declare_parameter(declared.name, value);
+    }
+    options
 }
 
 /// On which network and domain, as the environment says.

@@ -39,7 +39,7 @@ pub(crate) enum State {
     Deactivating = 14,
 }
 
-/// All states of managed nodes, in the order of rcl. This one is never `unknown` nor `errorprocessing`.
+/// All states of managed nodes, in the order of rcl; this one is never in the first or the last.
 const LABELS: [(u8, &str); 11] = [
     (0, "unknown"),
     (1, "unconfigured"),

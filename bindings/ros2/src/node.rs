@@ -464,7 +464,11 @@ impl Running<'_> {
             };
             is_sent &= out.edges.publish(edges).is_ok();
         }
-        self.sent("current_node", is_sent);
+        if !is_sent {
+            // Everything again with the next answer.
+            self.said = None;
+        }
+        self.sent("current_node and the topics beside it", is_sent);
     }
 
     fn sent(&self, topic: &str, is_sent: bool) {

@@ -92,8 +92,9 @@ impl ModelWriter {
 
 /// Reads the models of files, in the order in which they lie there.
 ///
-/// Fails with [`ErrorKind::Format`](fremen::ErrorKind::Format) or
-/// [`ErrorKind::Checksum`](fremen::ErrorKind::Checksum), naming file, row group and column.
+/// Fails with [`ErrorKind::Format`](fremen::ErrorKind::Format),
+/// [`ErrorKind::Checksum`](fremen::ErrorKind::Checksum) or, for a model of several states,
+/// [`ErrorKind::Shape`](fremen::ErrorKind::Shape), naming file, row group and column.
 pub fn read_models(files: &[PathBuf]) -> Result<Vec<FeatureModel>> {
     let names = ["place", "feature", "mean", "sums", "model"];
     let mut models = Vec::new();

@@ -4,6 +4,7 @@
 //! replaced. It works on the map's file as every other process does: commits of a robot that learns
 //! and those of this thread go on top of each other.
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
@@ -210,7 +211,7 @@ fn held(map: &Path) -> Result<String> {
         let line = format!("{id} {} {} {}: {reason}\n", it.time, it.place, it.source);
         if text.len() + line.len() > MAX_ANSWER_BYTES {
             let num_more = held.visits().len() - number;
-            text += &format!("and {num_more} more: `chronotope map held` lists all");
+            let _ = write!(text, "and {num_more} more: `chronotope map held` lists all");
             break;
         }
         text += &line;

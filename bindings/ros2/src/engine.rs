@@ -528,7 +528,9 @@ impl Engine {
         self.learning.num_learnt = totals.num_learnt;
         self.learning.num_held = totals.num_quarantined;
         self.learning.num_missed = totals.num_missed;
-        reports.into_iter().for_each(|it| self.report(it));
+        for report in reports {
+            self.report(report);
+        }
         if self.learning != before {
             self.report(Report::Learning(self.learning.clone()));
         }

@@ -482,7 +482,7 @@ impl Running<'_> {
         let sent = match waiting {
             Waiting::Asker(asker) => self.offered.services.answer(asker, Outcome::from(done)),
             Waiting::Change(id) => {
-                let success = self.end_change(done);
+                let success = self.end_change(&done);
                 self.offered.lifecycle.changed(id, success)
             }
         };
@@ -541,8 +541,8 @@ impl Running<'_> {
     }
 
     /// What was to be done for a change is done; true if it went well.
-    fn end_change(&mut self, done: std::result::Result<String, String>) -> bool {
-        if let Err(why) = &done {
+    fn end_change(&mut self, done: &std::result::Result<String, String>) -> bool {
+        if let Err(why) = done {
             self.log(
                 LOG_ERROR,
                 &format!("{}: {why}", self.machine.state().label()),

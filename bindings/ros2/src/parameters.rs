@@ -185,6 +185,7 @@ impl Declared {
 
 /// What all parameters say.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::struct_excessive_bools)] // reason: a parameter each.
 pub(crate) struct Settings {
     pub(crate) source: MapSource,
     /// Whether nobody has to configure and activate the node.

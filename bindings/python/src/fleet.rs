@@ -32,7 +32,7 @@ fn error(message: impl Into<String>, place: impl Into<String>) -> Error {
 }
 
 /// The error with where the bytes lie that it is about, of which it may name one.
-fn found_in(place: &str, cause: Error) -> Error {
+fn found_in(place: &str, cause: &Error) -> Error {
     let place = match cause.place() {
         Some(inner) => format!("{place}, {inner}"),
         None => place.to_owned(),
@@ -254,7 +254,7 @@ pub(crate) fn merge_sums<'py>(
         for (&feature, bytes) in features.iter().zip(&sums) {
             let place = || format!("place `{}`, feature {feature}", place.escape_debug());
             let sums =
-                SpectralSums::from_bytes(bytes).map_err(|error| found_in(&place(), error))?;
+                SpectralSums::from_bytes(bytes).map_err(|error| found_in(&place(), &error))?;
             match merged.get_mut(&feature) {
                 None => drop(merged.insert(feature, sums)),
                 Some(known) => known.merge(&sums).map_err(|error| {
@@ -297,7 +297,7 @@ pub(crate) fn merge_sums<'py>(
 fn models_of(models: &Blobs) -> Result<Vec<Box<dyn VisibilityModel>>> {
     let decode = |(row, bytes): (usize, &PyBackedBytes)| {
         let place = format!("column `model`, row {row}");
-        let model = decode(bytes).map_err(|error| found_in(&place, error))?;
+        let model = decode(bytes).map_err(|error| found_in(&place, &error))?;
         if model.num_features() == 1 {
             return Ok(model);
         }

@@ -31,15 +31,43 @@ fn error(message: impl Into<String>, place: impl Into<String>) -> Error {
     Error::new(ErrorKind::Format, message).with_place(place)
 }
 
+/// The error with where the bytes lie that it is about, of which it may name one.
+fn found_in(place: &str, cause: &Error) -> Error {
+    let place = match cause.place() {
+        Some(inner) => format!("{place}, {inner}"),
+        None => place.to_owned(),
+    };
+    let error = Error::new(cause.kind(), cause.message()).with_place(place);
+    match cause.help() {
+        Some(help) => error.with_help(help),
+        None => error.with_help("learn the models again"),
+    }
+}
+
 fn codes_of(codes: &Codes<'_>, num: usize, name: &str) -> Result<Vec<usize>> {
     let codes: PyReadonlyArray1<'_, i32> = codes.0.extract()?;
     let codes = codes.as_array();
-    let is_wrong = |&code: &i32| usize::try_from(code).is_ok_and(|it| it < num);
-    if let Some(row) = codes.iter().position(|code| !is_wrong(code)) {
+    let is_known = |&code: &i32| usize::try_from(code).is_ok_and(|it| it < num);
+    if let Some(row) = codes.iter().position(|code| !is_known(code)) {
         let message = format!("{} is no number of one of {num} values", codes[row]);
         return Err(error(message, format!("column `{name}`, row {row}")).into());
     }
     Ok(codes.iter().map(|&code| code as usize).collect())
+}
+
+/// Numbers of features, which are 0 or more.
+fn features_of(features: &Codes<'_>) -> Result<Vec<u32>> {
+    let features: PyReadonlyArray1<'_, i32> = features.0.extract()?;
+    let features = features.as_array();
+    if let Some(row) = features.iter().position(|feature| *feature < 0) {
+        let message = format!("{} is negative", features[row]);
+        let negative = error(message, format!("column `feature`, row {row}"));
+        return Err(negative.with_help("count from 0").into());
+    }
+    Ok(features
+        .iter()
+        .map(|feature| feature.cast_unsigned())
+        .collect())
 }
 
 fn times_of(times: &Microseconds<'_>) -> Result<Vec<Time>> {
@@ -107,7 +135,7 @@ pub(crate) fn compact<'py>(
         return Err(empty.with_help("every place has a name").into());
     }
     let times = times_of(&times_us)?;
-    let features = codes_of(&features, i32::MAX as usize, "feature")?;
+    let features = features_of(&features)?;
     let states: PyReadonlyArrayDyn<'_, i8> = states.0.extract()?;
     let states: Vec<bool> = states.as_array().iter().map(|&it| it == 1).collect();
     same_length(&[
@@ -132,7 +160,7 @@ pub(crate) fn compact<'py>(
             let more = (start + 1..times.len()).take_while(|&row| key(row) == (place, visit, time));
             let end = start + 1 + more.count();
             let rows = features[start..end].iter().zip(&states[start..end]);
-            let rows = rows.map(|(&feature, &state)| (feature as u32, state));
+            let rows = rows.map(|(&feature, &state)| (feature, state));
             log.add_all(&places[place], ids[visit], time, rows)
                 .map_err(contradiction)?;
             start = end;
@@ -219,16 +247,16 @@ pub(crate) fn merge_sums<'py>(
     sums: Blobs,
     order: usize,
 ) -> Result<Merged<'py>> {
-    let features = codes_of(&features, i32::MAX as usize, "feature")?;
+    let features = features_of(&features)?;
     same_length(&[features.len(), sums.len()])?;
     let merged = detached(py, || {
         let mut merged = BTreeMap::<u32, SpectralSums>::new();
-        for (feature, bytes) in features.iter().zip(&sums) {
+        for (&feature, bytes) in features.iter().zip(&sums) {
             let place = || format!("place `{}`, feature {feature}", place.escape_debug());
             let sums =
-                SpectralSums::from_bytes(bytes).map_err(|error| error.with_place(place()))?;
-            match merged.get_mut(&(*feature as u32)) {
-                None => drop(merged.insert(*feature as u32, sums)),
+                SpectralSums::from_bytes(bytes).map_err(|error| found_in(&place(), &error))?;
+            match merged.get_mut(&feature) {
+                None => drop(merged.insert(feature, sums)),
                 Some(known) => known.merge(&sums).map_err(|error| {
                     error.with_place(place()).with_help(
                         "learn from a part of the history, with the same periods everywhere",
@@ -268,7 +296,8 @@ pub(crate) fn merge_sums<'py>(
 
 fn models_of(models: &Blobs) -> Result<Vec<Box<dyn VisibilityModel>>> {
     let decode = |(row, bytes): (usize, &PyBackedBytes)| {
-        let model = decode(bytes)?;
+        let place = format!("column `model`, row {row}");
+        let model = decode(bytes).map_err(|error| found_in(&place, &error))?;
         if model.num_features() == 1 {
             return Ok(model);
         }
@@ -276,7 +305,7 @@ fn models_of(models: &Blobs) -> Result<Vec<Box<dyn VisibilityModel>>> {
             "this is a model of {} states, not of one",
             model.num_features()
         );
-        Err(error(message, format!("column `model`, row {row}")))
+        Err(error(message, place))
     };
     let models: chronotope::Result<_> = models.iter().enumerate().map(decode).collect();
     Ok(models?)
@@ -305,7 +334,7 @@ pub(crate) fn predict_models<'py>(
 /// is a model of, the sum of squared errors, the sum of -ln p of what was observed (p at least 1e-6), and
 /// observations without a model.
 ///
-/// Summed by feature in order of identity: the same for any order of rows.
+/// Summed in order of the visits' identities, and of features within each: the same for any order of rows.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // reason: a column each.
 pub(crate) fn evaluate_visits<'py>(
@@ -318,11 +347,11 @@ pub(crate) fn evaluate_visits<'py>(
     models: Blobs,
 ) -> Result<(u64, f64, f64, u64)> {
     let log = place_log(place, &visits, &times_of(&times_us)?, &states)?;
-    let features = codes_of(&features, i32::MAX as usize, "feature")?;
+    let features = features_of(&features)?;
     let models = models_of(&models)?;
     same_length(&[features.len(), models.len()])?;
     interruptible(py, move || {
-        let known: BTreeMap<u32, _> = (features.iter().map(|&it| it as u32).zip(&models)).collect();
+        let known: BTreeMap<u32, _> = features.into_iter().zip(&models).collect();
         let mut visits: Vec<_> = log.visits().iter().collect();
         visits.sort_by_key(|visit| visit.id);
         let (mut num, mut squares, mut nats, mut num_unknown) = (0, 0.0, 0.0, 0);

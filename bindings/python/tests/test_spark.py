@@ -283,9 +283,20 @@ def test_bad_footers_are_named(session: Any, tmp_path: Path) -> None:
         refused(other, session, tmp_path, column, says)
     folder = tmp_path / "unfinished"
     folder.mkdir()
-    pq.write_table(table, folder / "part-0.parquet")
     with pytest.raises(chronotope.FormatError, match="_SUCCESS"):
         fleet.read_observations(session, folder)
+    (folder / "_SUCCESS").touch()
+    with pytest.raises(chronotope.FormatError, match="no .parquet file"):
+        fleet.read_observations(session, folder)
+    (folder / "place=hall").mkdir()
+    with pytest.raises(chronotope.FormatError, match="partitioned"):
+        fleet.read_observations(session, folder)
+    with pytest.raises(chronotope.NotFoundError, match="no patterns"):
+        fleet.read_observations(session, tmp_path / "*.parquet")
+    path = str(tmp_path / "newer.parquet")
+    pq.write_table(table.replace_schema_metadata({"chronotope.table": "observations/2"}), path)
+    with pytest.raises(chronotope.FormatError, match="chronotope.table.*observations/2"):
+        fleet.read_observations(session, path)
     wrong = session.createDataFrame([("hall", 1)], "place string, time long")
     with pytest.raises(chronotope.FormatError, match="column `visit`"):
         fleet.learn_series(wrong)
@@ -293,6 +304,18 @@ def test_bad_footers_are_named(session: Any, tmp_path: Path) -> None:
     local = local.withColumn("time", sql.col("time").cast("timestamp_ntz"))
     with pytest.raises(chronotope.FormatError, match="column `time`.*timestamp_ntz"):
         fleet.learn_series(local)
+
+
+def test_what_parquet_does_not_tell_apart_is_read(session: Any, tmp_path: Path) -> None:
+    """As polars and others write it: what their Arrow had in memory stands beside what Parquet says."""
+    rows = observations()[:200]
+    kinds = [pa.large_string(), pa.large_binary(), pa.timestamp("us", tz="Europe/Prague")]
+    kinds = [*kinds, pa.int32(), pa.bool_()]
+    table = table_of(rows).cast(pa.schema(list(zip(SCHEMA.names, kinds))))
+    path = str(tmp_path / "large.parquet")
+    pq.write_table(table, path)
+    frame = fleet.read_observations(session, path)
+    assert sums_of(fleet.learn_series(frame)) == in_one_process(rows)
 
 
 def test_bad_rows_stop_the_job_and_leave_nothing(session: Any, tmp_path: Path) -> None:

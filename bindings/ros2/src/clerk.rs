@@ -4,8 +4,10 @@
 //! replaced. It works on the map's file as every other process does: commits of a robot that learns
 //! and those of this thread go on top of each other.
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
 use std::time::SystemTime;
 
 use chronotope::error::{Error, ErrorKind, Result};
@@ -20,8 +22,8 @@ use futures::channel::mpsc::UnboundedSender;
 use crate::engine::{Command, Mailbox, Reply, Report, answer};
 use crate::parameters::MapSource;
 
-/// An answer that takes several packets does not find who asked: the middleware leaves out of them
-/// what it answers.
+/// An answer that takes several packets does not reach whoever asked: the middleware leaves out of
+/// such packets which request they answer.
 const MAX_ANSWER_BYTES: usize = 900;
 
 /// What the thread is asked for.
@@ -46,15 +48,18 @@ pub(crate) enum Task {
 }
 
 /// Starts the thread; it ends with the last sender.
-pub(crate) fn start(mailbox: Mailbox, reports: UnboundedSender<Report>) -> Result<Sender<Task>> {
+pub(crate) fn start(
+    mailbox: Mailbox,
+    reports: UnboundedSender<Report>,
+) -> Result<(Sender<Task>, JoinHandle<()>)> {
     let (tasks, inbox) = channel();
-    std::thread::Builder::new()
+    let thread = std::thread::Builder::new()
         .name("chronotope-clerk".into())
         .spawn(move || Clerk::new(mailbox, reports).run(&inbox))
         .map_err(|cause| {
             Error::new(ErrorKind::Io, format!("no thread to open maps: {cause}")).with_source(cause)
         })?;
-    Ok(tasks)
+    Ok((tasks, thread))
 }
 
 /// Opens a map as the parameters say.
@@ -206,7 +211,7 @@ fn held(map: &Path) -> Result<String> {
         let line = format!("{id} {} {} {}: {reason}\n", it.time, it.place, it.source);
         if text.len() + line.len() > MAX_ANSWER_BYTES {
             let num_more = held.visits().len() - number;
-            text += &format!("and {num_more} more: `chronotope map held` lists all");
+            let _ = write!(text, "and {num_more} more: `chronotope map held` lists all");
             break;
         }
         text += &line;

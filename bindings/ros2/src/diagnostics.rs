@@ -34,7 +34,8 @@ pub(crate) struct Health {
     last_image: Option<Instant>,
     last_stamp: Option<(Instant, Time)>,
     jump: Option<(Instant, f64)>,
-    failure: Option<(Instant, String)>,
+    /// Why the last image could not be used.
+    failure: Option<String>,
     last: Option<LastAnswer>,
     num_images: u64,
     num_answers: u64,
@@ -114,7 +115,7 @@ impl Health {
     }
 
     pub(crate) fn fail(&mut self, error: String) {
-        self.failure = Some((Instant::now(), error));
+        self.failure = Some(error);
     }
 
     /// For how long no image has come.
@@ -180,7 +181,7 @@ impl Health {
             };
             return (ERROR, message);
         }
-        if let Some((_, failure)) = &self.failure {
+        if let Some(failure) = &self.failure {
             return (ERROR, format!("images cannot be used: {failure}"));
         }
         let Some(last) = &self.last else {

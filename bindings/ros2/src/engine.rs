@@ -28,6 +28,8 @@ use crate::planner::PlannerView;
 
 /// With no image for so long, what was learnt is committed.
 const IDLE: Duration = Duration::from_millis(500);
+/// A commit that failed is tried again after so long.
+const COMMIT_AGAIN: Duration = Duration::from_secs(5);
 
 /// Pixels as they came.
 #[derive(Debug)]
@@ -141,7 +143,7 @@ pub(crate) struct MapState {
 }
 
 /// What was learnt.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct LearningState {
     pub(crate) is_on: bool,
     pub(crate) num_learnt: usize,
@@ -232,7 +234,10 @@ pub(crate) struct Engine {
     /// Of the map that was reported last.
     generation: Option<u64>,
     learning: LearningState,
+    /// Whether something may have been learnt that is not in the file.
     is_dirty: bool,
+    /// When the last commit failed, if it did.
+    failed_commit: Option<Instant>,
     last_begun: Option<Instant>,
 }
 
@@ -258,6 +263,7 @@ impl Engine {
             generation: None,
             learning: LearningState::default(),
             is_dirty: false,
+            failed_commit: None,
             last_begun: None,
         };
         std::thread::Builder::new()
@@ -277,12 +283,7 @@ impl Engine {
                 (Some(Command::End), _) => break,
                 (Some(command), _) => self.obey(command),
                 (None, Some(shot)) => self.see(&shot, num_dropped),
-                (None, None) if self.is_dirty => {
-                    if let Err(error) = self.commit() {
-                        self.report(Report::Warning(format!("not written yet: {error}")));
-                    }
-                }
-                (None, None) => {}
+                (None, None) => self.commit_at_rest(),
             }
             self.give_up_lesson();
             self.report_map();
@@ -332,11 +333,15 @@ impl Engine {
                 reply,
             } => {
                 if self.is_learning() {
-                    self.lesson = Some(Lesson {
+                    let lesson = Lesson {
                         place,
                         until,
                         reply,
-                    });
+                    };
+                    if let Some(before) = self.lesson.replace(lesson) {
+                        let why = "another place was named before an image came";
+                        answer(Some(before.reply), Err(why.into()));
+                    }
                 } else {
                     let why =
                         "nothing is learnt: start the node with learn:=true, and set learning";
@@ -486,6 +491,7 @@ impl Engine {
     /// Reports what happened beside the answers; gives what became of an image.
     fn hear_events(&mut self, source: Option<&str>) -> Option<std::result::Result<Learnt, String>> {
         let robot = self.robot.as_mut()?;
+        let before = self.learning.clone();
         let mut found = None;
         let mut reports = Vec::new();
         for event in robot.events() {
@@ -519,28 +525,45 @@ impl Engine {
             }
         }
         let totals = robot.totals();
-        let counts = (totals.num_learnt, totals.num_quarantined, totals.num_missed);
-        reports.into_iter().for_each(|it| self.report(it));
-        let known = &self.learning;
-        if counts != (known.num_learnt, known.num_held, known.num_missed) || found.is_some() {
-            (
-                self.learning.num_learnt,
-                self.learning.num_held,
-                self.learning.num_missed,
-            ) = counts;
+        self.learning.num_learnt = totals.num_learnt;
+        self.learning.num_held = totals.num_quarantined;
+        self.learning.num_missed = totals.num_missed;
+        for report in reports {
+            self.report(report);
+        }
+        if self.learning != before {
             self.report(Report::Learning(self.learning.clone()));
         }
         found
     }
 
+    /// Commits what was learnt now that no image comes; where that fails, again and again, but not
+    /// so often that an image would wait for it.
+    fn commit_at_rest(&mut self) {
+        let is_soon = (self.failed_commit).is_some_and(|last| last.elapsed() < COMMIT_AGAIN);
+        if !self.is_dirty || is_soon {
+            return;
+        }
+        let before = self.learning.failure.clone();
+        if let Err(error) = self.commit() {
+            let why = error.to_string();
+            if before.as_ref() != Some(&why) {
+                self.report(Report::Warning(format!("not written yet: {why}")));
+            }
+        }
+    }
+
     fn commit(&mut self) -> Result<()> {
-        self.is_dirty = false;
         let Some(robot) = &mut self.robot else {
+            self.is_dirty = false;
             return Ok(());
         };
         let result = robot.commit();
-        self.learning.failure = result.as_ref().err().map(ToString::to_string);
+        self.is_dirty = result.is_err();
+        self.failed_commit = result.is_err().then(Instant::now);
+        // What happened before does not say how this commit went.
         self.hear_events(None);
+        self.learning.failure = result.as_ref().err().map(ToString::to_string);
         self.report(Report::Learning(self.learning.clone()));
         result
     }

@@ -7,7 +7,7 @@
 //!
 //! Source: design.ros2.org, Managed nodes; compared with rclpy's own `LifecycleNode` by
 //! `tests/test_node.py`. There is no `~/get_transition_graph`: its answer takes several packets, and
-//! then does not find who asked.
+//! such an answer does not reach whoever asked.
 
 use anyhow::Result;
 use futures::StreamExt;
@@ -39,7 +39,7 @@ pub(crate) enum State {
     Deactivating = 14,
 }
 
-/// All states there are, in the order of rcl: of `unknown` and of `errorprocessing` is none here.
+/// All states of managed nodes, in the order of rcl; this one is never in the first or the last.
 const LABELS: [(u8, &str); 11] = [
     (0, "unknown"),
     (1, "unconfigured"),
@@ -63,6 +63,14 @@ impl State {
     /// Whether a map is open, and stays so.
     pub(crate) fn has_map(self) -> bool {
         matches!(self, Self::Inactive | Self::Active)
+    }
+
+    /// Whether a map is open, is being opened, or may stay open where work fails.
+    pub(crate) fn may_have_map(self) -> bool {
+        !matches!(
+            self,
+            Self::Unconfigured | Self::ShuttingDown | Self::Finalized
+        )
     }
 
     /// Of a state in which work is done: the number of the transition that says that it went well
@@ -401,6 +409,7 @@ mod tests {
             assert_eq!(begun, step(number, asked_label(asked), from, through));
             // Nothing else begins meanwhile.
             assert!(machine.begin(&numbered(number)).is_err());
+            assert!(machine.state().may_have_map() != (through == State::ShuttingDown));
             let ended = machine.end(true).expect("work was done");
             assert_eq!((ended.from, ended.to, machine.state()), (through, to, to));
             assert_eq!(machine.end(true), None);

@@ -3,7 +3,7 @@
 //! One thread waits for everything at once: images, the clock, requests, answers of the robot's
 //! thread. It only passes on, so it is always ready for the next image.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
@@ -33,16 +33,18 @@ use crate::messages::{Clock, ClosestEdges, Float32, Outcome, Text};
 use crate::parameters::{LEARNING, PARAMETERS, Settings};
 use crate::planner::PlannerView;
 use crate::services::{Asker, ParameterRequest, ParameterServices, Request, Services};
-use crate::topics::{Camera, Creator, Ends, Publishers, of_images};
+use crate::topics::{Camera, Creator, Ends, Publishers};
 
 /// How often it is looked whether something is due.
 const TICK: Duration = Duration::from_millis(50);
 const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
 /// The map's file is looked at so often where nobody wants it taken over.
 const LOOK_PERIOD: Duration = Duration::from_secs(5);
+/// Images that cannot be used are logged so often: each stands in the diagnostics anyway.
+const FAILURE_PERIOD: Duration = Duration::from_secs(60);
 /// An image of a place that was named has to come within this.
 const LESSON_PATIENCE: Duration = Duration::from_secs(5);
-/// What was learnt is written within this once the node shall end.
+/// For so long it is heard how the robot's thread ends; a little later `interrupt` ends the process.
 const END_PATIENCE: Duration = Duration::from_millis(1_200);
 
 /// Levels of `rcl_interfaces/msg/Log`.
@@ -76,16 +78,7 @@ pub(crate) fn run(names: &RosArguments) -> Result<()> {
     let context = Context::from_domain_participant(participant()?.build()?)?;
     let node_name = NodeName::new(&names.namespace, &names.node)
         .map_err(|cause| anyhow!("`{}{}`: {cause}", names.namespace, names.node))?;
-    // Its own parameter services have descriptions.
-    let mut options = NodeOptions::new()
-        .enable_rosout(false)
-        .start_parameter_services(false);
-    for declared in PARAMETERS {
-        let value = names.parameter(declared.name).cloned();
-        let value = value.unwrap_or_else(|| declared.default_value());
-        options = options.declare_parameter(declared.name, value);
-    }
-    let mut node = context.new_node(node_name, options)?;
+    let mut node = context.new_node(node_name, options(names))?;
     let log = node.create_publisher(&context.get_rosout_topic(), None)?;
     let services = Services::create(&mut node, names)?;
     let parameters = ParameterServices::create(&mut node, names)?;
@@ -101,18 +94,12 @@ pub(crate) fn run(names: &RosArguments) -> Result<()> {
         ("rosgraph_msgs", "Clock"),
         &QosProfile::subscription_default(),
     )?;
-    let qos = of_images(settings.is_reliable);
-    let camera = if settings.is_compressed {
-        let kind = ("sensor_msgs", "CompressedImage");
-        Camera::Encoded(creator.subscription("image", kind, &qos)?)
-    } else {
-        Camera::Raw(creator.subscription("image", ("sensor_msgs", "Image"), &qos)?)
-    };
+    let camera = creator.camera(settings.is_compressed, settings.is_reliable)?;
     let ends = creator.ends;
 
     let (reports, heard) = unbounded();
     let mailbox = Mailbox::default();
-    let tasks = clerk::start(mailbox.clone(), reports.clone())?;
+    let (tasks, clerk) = clerk::start(mailbox.clone(), reports.clone())?;
     let retire = tasks.clone();
     let engine = Engine::start(
         robot,
@@ -149,7 +136,6 @@ pub(crate) fn run(names: &RosArguments) -> Result<()> {
         levels: BTreeMap::new(),
         simulated: None,
         due: Due::default(),
-        failures: VecDeque::new(),
         end: None,
         waiting: FuturesUnordered::new(),
     };
@@ -158,7 +144,26 @@ pub(crate) fn run(names: &RosArguments) -> Result<()> {
     if engine.join().is_err() {
         return Err(anyhow!("the robot's thread has panicked"));
     }
+    // The clerk ends with the last who can give it a task, and may be writing what a robot that was
+    // replaced has learnt.
+    drop(running);
+    if clerk.join().is_err() {
+        return Err(anyhow!("the clerk's thread has panicked"));
+    }
     Ok(())
+}
+
+/// All parameters with their values. Its own services of parameters have descriptions.
+fn options(names: &RosArguments) -> NodeOptions {
+    let mut options = NodeOptions::new()
+        .enable_rosout(false)
+        .start_parameter_services(false);
+    for declared in PARAMETERS {
+        let value = names.parameter(declared.name).cloned();
+        let value = value.unwrap_or_else(|| declared.default_value());
+        options = options.declare_parameter(declared.name, value);
+    }
+    options
 }
 
 /// On which network and domain, as the environment says.
@@ -236,6 +241,7 @@ struct Due {
     diagnostics: Option<Instant>,
     look: Option<Instant>,
     picture: Option<Instant>,
+    failure: Option<Instant>,
 }
 
 /// Whether a period has passed since `last`, which then begins anew.
@@ -278,8 +284,6 @@ struct Running<'a> {
     /// What the clock of a simulation says.
     simulated: Option<Time>,
     due: Due,
-    /// When images failed, of the last minute: not every one is logged.
-    failures: VecDeque<Instant>,
     /// Until when the robot's thread may finish.
     end: Option<Instant>,
     waiting: FuturesUnordered<Answering>,
@@ -327,11 +331,11 @@ impl Running<'_> {
             }
             Input::Asked(asker, request) => self.serve(asker, request),
             Input::Parameters(request) => {
-                match self.offered.parameters.answer(self.node, request) {
-                    Ok(true) => self.configure(),
-                    Ok(false) => {}
-                    Err(error) => self.not_sent(&error),
+                if let Err(error) = self.offered.parameters.answer(self.node, request) {
+                    self.not_sent(&error);
                 }
+                // What was set is set, also where nobody heard of it.
+                self.configure();
             }
             Input::Lifecycle(request) => {
                 match self.offered.lifecycle.answer(&self.machine, request) {
@@ -377,17 +381,10 @@ impl Running<'_> {
         });
     }
 
-    /// An image cannot be used: told at once, and then seldom.
+    /// An image cannot be used.
     fn fail(&mut self, error: String) {
-        let now = Instant::now();
-        while (self.failures.front()).is_some_and(|it| now.duration_since(*it).as_secs() >= 60) {
-            self.failures.pop_front();
-        }
-        if self.failures.is_empty() {
+        if is_due(&mut self.due.failure, FAILURE_PERIOD) {
             self.log(LOG_ERROR, &error);
-        }
-        if self.failures.len() < 2 {
-            self.failures.push_back(now);
         }
         self.health.fail(error);
     }
@@ -467,7 +464,11 @@ impl Running<'_> {
             };
             is_sent &= out.edges.publish(edges).is_ok();
         }
-        self.sent("current_node", is_sent);
+        if !is_sent {
+            // Everything again with the next answer.
+            self.said = None;
+        }
+        self.sent("current_node and the topics beside it", is_sent);
     }
 
     fn sent(&self, topic: &str, is_sent: bool) {
@@ -481,7 +482,7 @@ impl Running<'_> {
         let sent = match waiting {
             Waiting::Asker(asker) => self.offered.services.answer(asker, Outcome::from(done)),
             Waiting::Change(id) => {
-                let success = self.end_change(done);
+                let success = self.end_change(&done);
                 self.offered.lifecycle.changed(id, success)
             }
         };
@@ -540,8 +541,8 @@ impl Running<'_> {
     }
 
     /// What was to be done for a change is done; true if it went well.
-    fn end_change(&mut self, done: std::result::Result<String, String>) -> bool {
-        if let Err(why) = &done {
+    fn end_change(&mut self, done: &std::result::Result<String, String>) -> bool {
+        if let Err(why) = done {
             self.log(
                 LOG_ERROR,
                 &format!("{}: {why}", self.machine.state().label()),
@@ -634,9 +635,7 @@ impl Running<'_> {
         }
         let before = std::mem::replace(&mut self.settings, settings);
         (self.mailbox).tell(Command::Configure(Box::new(self.settings.clone())));
-        let state = self.machine.state();
-        if before.source != self.settings.source && (state.has_map() || state == State::Configuring)
-        {
+        if before.source != self.settings.source && self.machine.state().may_have_map() {
             self.health.map.newer = None;
             self.give(Task::Open {
                 source: self.settings.source.clone(),
@@ -703,14 +702,10 @@ impl Running<'_> {
         if is_active && self.health.silence(now) > self.settings.camera_timeout {
             self.say(&PlannerView::nowhere());
         }
-        let rate_hz = self.settings.debug_rate_hz;
-        if rate_hz > 0.0
+        if let Some(period) = self.settings.debug_period
             && is_active
             && self.node.subscription_count(&self.picture_topic) > 0
-            && is_due(
-                &mut self.due.picture,
-                Duration::from_secs_f64(1.0 / rate_hz),
-            )
+            && is_due(&mut self.due.picture, period)
         {
             self.mailbox.want_picture();
         }

@@ -52,8 +52,8 @@ impl Canvas {
             for x in 0..width {
                 let columns = x * step_px..((x + 1) * step_px).min(image.width());
                 let number = rows.len() * columns.len();
-                let sum: usize = (rows.clone().map(|y| &image.row(y)[columns.clone()]))
-                    .flatten()
+                let sum: usize = (rows.clone())
+                    .flat_map(|y| &image.row(y)[columns.clone()])
                     .map(|&it| usize::from(it))
                     .sum();
                 let mean = ((sum + number / 2) / number) as u8;

@@ -185,6 +185,7 @@ impl Declared {
 
 /// What all parameters say.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::struct_excessive_bools)] // reason: a parameter each.
 pub(crate) struct Settings {
     pub(crate) source: MapSource,
     /// Whether nobody has to configure and activate the node.
@@ -195,7 +196,8 @@ pub(crate) struct Settings {
     pub(crate) is_learning: bool,
     pub(crate) uses_sim_time: bool,
     pub(crate) max_rate_hz: f64,
-    pub(crate) debug_rate_hz: f64,
+    /// Of pictures on `~/debug/image`; `None`: there are none.
+    pub(crate) debug_period: Option<Duration>,
     pub(crate) camera_timeout: Duration,
     pub(crate) late_s: f64,
     /// `None`: never.
@@ -253,7 +255,10 @@ impl Settings {
             is_learning: flag(LEARNING),
             uses_sim_time: flag(USE_SIM_TIME),
             max_rate_hz: number("max_rate_hz"),
-            debug_rate_hz: number("debug_rate_hz"),
+            // A rate of next to nothing has a period that no duration is long enough for.
+            debug_period: Some(number("debug_rate_hz"))
+                .filter(|it| *it > 0.0)
+                .map(|it| Duration::try_from_secs_f64(1.0 / it).unwrap_or(Duration::MAX)),
             camera_timeout: Duration::from_secs_f64(number("camera_timeout_s")),
             late_s: number("late_s"),
             watch_map: Some(number("watch_map_s"))
@@ -293,6 +298,21 @@ mod tests {
         assert!(Declared::find("map").is_some_and(|it| !it.is_read_only));
         let settings = Settings::read(|_| None);
         assert!(settings.is_autostarted && !settings.source.learns);
+    }
+
+    #[test]
+    fn rates_that_are_allowed_have_periods() {
+        for (rate_hz, period) in [
+            (0.0, None),
+            (4.0, Some(Duration::from_millis(250))),
+            (f64::MIN_POSITIVE, Some(Duration::MAX)),
+        ] {
+            let value = ParameterValue::Double(rate_hz);
+            let it = Declared::find("debug_rate_hz").expect("declared");
+            assert_eq!(it.check(&value), Ok(()));
+            let settings = Settings::read(|name| (name == it.name).then(|| value.clone()));
+            assert_eq!(settings.debug_period, period);
+        }
     }
 
     #[test]

@@ -237,10 +237,10 @@ impl ParameterServices {
         .boxed_local()
     }
 
-    /// Answers; true if a parameter may have changed.
+    /// Answers, and sets what is to be set.
     ///
     /// Fails if the answer cannot be sent.
-    pub(crate) fn answer(&self, node: &Node, request: ParameterRequest) -> Result<bool> {
+    pub(crate) fn answer(&self, node: &Node, request: ParameterRequest) -> Result<()> {
         match request {
             ParameterRequest::Get(id, it) => {
                 let values = it
@@ -276,7 +276,6 @@ impl ParameterServices {
                     .collect();
                 self.set
                     .send_response(id, SetParametersResponse { results })?;
-                return Ok(true);
             }
             ParameterRequest::SetAtomically(id, it) => {
                 let all: std::result::Result<Vec<_>, String> =
@@ -288,10 +287,9 @@ impl ParameterServices {
                 let result = result(done);
                 (self.set_atomically)
                     .send_response(id, SetParametersAtomicallyResponse { result })?;
-                return Ok(true);
             }
         }
-        Ok(false)
+        Ok(())
     }
 }
 

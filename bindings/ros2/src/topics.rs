@@ -44,7 +44,7 @@ fn lively(depth: usize) -> QosProfile {
 }
 
 /// That of sensors, or a reliable one.
-pub(crate) fn of_images(is_reliable: bool) -> QosProfile {
+fn of_images(is_reliable: bool) -> QosProfile {
     let qos = QosProfile::subscription_default().history(History::KeepLast { depth: 5 });
     if is_reliable {
         qos.reliability_reliable(WhenFull::DEFAULT)
@@ -90,6 +90,16 @@ impl Creator<'_> {
         let subscription = self.node.create_subscription(&topic, Some(qos.clone()))?;
         self.ends.insert(subscription.guid(), full);
         Ok(subscription)
+    }
+
+    pub(crate) fn camera(&mut self, is_compressed: bool, is_reliable: bool) -> Result<Camera> {
+        let qos = of_images(is_reliable);
+        Ok(if is_compressed {
+            let kind = ("sensor_msgs", "CompressedImage");
+            Camera::Encoded(self.subscription("image", kind, &qos)?)
+        } else {
+            Camera::Raw(self.subscription("image", ("sensor_msgs", "Image"), &qos)?)
+        })
     }
 
     pub(crate) fn publishers(&mut self, log: Publisher<Log>) -> Result<Publishers> {

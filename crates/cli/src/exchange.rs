@@ -81,7 +81,8 @@ pub(super) struct ImportArgs {
     #[arg(required = true, value_name = "DIR|YAML")]
     from: Vec<PathBuf>,
     /// The folder holds the Parquet tables of observations and of features. They say nothing of
-    /// images' own features, positions and ways, so the map has none.
+    /// images' own features, positions and ways, so the map has none; nor of extractor, size of
+    /// images, crop and time zone, so it has those of a new map.
     #[arg(long, conflicts_with = "onto")]
     parquet: bool,
     /// The file to write; one that exists is never overwritten.
@@ -141,6 +142,7 @@ pub(super) fn import(args: &ImportArgs, out: &mut Output) -> Result<Outcome> {
     Map::refuse_existing(path)?;
     let snapshot = match &args.from[..] {
         [folder] if args.parquet => import_tables(folder)?,
+        _ if args.parquet => anyhow::bail!("--parquet takes one folder"),
         [folder] if folder.is_dir() => Snapshot::import(folder)?,
         files => import_yaml(files)?,
     };

@@ -1,8 +1,9 @@
 //! How does a map become Parquet tables of observations and features, and how do these become a map?
 //!
 //! The tables say which feature was seen at which visit, and how features look: what a fleet learns from, and
-//! what a robot needs to localise itself. They do not hold the images' own features, positions and ways, nor
-//! what was counted; the folder of `map export` holds everything.
+//! what a robot needs to localise itself. They do not hold the images' own features, positions and ways, what
+//! was counted, nor the map's extractor, size of images, crop and time zone; the folder of `map export` holds
+//! everything.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -181,7 +182,7 @@ fn node_of(
     for (num_known, _is_old, time, id) in order {
         let num_before = node.features().len();
         let mut born = Features::new();
-        for row in rows.get(num_before..num_known).unwrap_or_default() {
+        for row in &rows[num_before..num_known] {
             if row.born != id {
                 return Err(format!(
                     "feature {} is born after one with a higher number",
@@ -196,10 +197,9 @@ fn node_of(
             };
             born.push(keypoint, Descriptor::from_bytes(row.descriptor));
         }
-        let len = num_before.max(num_known);
-        let (mut seen, mut hidden) = (BitRow::zeros(len), BitRow::zeros(len));
+        let (mut seen, mut hidden) = (BitRow::zeros(num_known), BitRow::zeros(num_known));
         let states: BTreeMap<u32, bool> = visits[&id].1.iter().collect();
-        for feature in 0..len {
+        for feature in 0..num_known {
             match states.get(&(feature as u32)) {
                 Some(true) => seen.set(feature),
                 Some(false) => {}

@@ -9,11 +9,15 @@
 //! identity of their visit, each once, at two bits a feature; sums are made of it last.
 //!
 //! ```no_run
-//! use chronotope_fleet::table::{files_of, read_observations, ModelWriter};
+//! use std::path::PathBuf;
+//!
+//! use chronotope_fleet::table::{ModelWriter, files_of, read_observations};
 //! use chronotope_fleet::{FleetConfig, learn};
 //!
 //! # fn main() -> fremen::Result<()> {
-//! let files = files_of(&["observations/".into()])?; // what robots have uploaded
+//! // What two robots have uploaded. A folder would have to hold observations only, and `_SUCCESS`.
+//! let uploads = ["robot-17/observations.parquet", "robot-18/observations.parquet"];
+//! let files = files_of(&uploads.map(PathBuf::from))?;
 //! let (log, report) = read_observations(&files, &Default::default())?;
 //! let models = learn(&log, &FleetConfig::default())?;
 //! let mut table = ModelWriter::begin("models.parquet")?;

@@ -223,19 +223,18 @@ impl FleetLog {
         place.add_run(visit, &features, &states)
     }
 
-    /// Adds what `other` knows. Fails at the first contradiction; what was added until then stays.
-    pub fn merge(&mut self, other: Self) -> Result<(), Contradiction> {
-        let (mut more, other) = if self.places.len() < other.places.len() {
-            (other, std::mem::take(self))
+    /// What both know. Fails at the first contradiction.
+    pub fn merge(self, other: Self) -> Result<Self, Contradiction> {
+        let (mut merged, fewer) = if self.places.len() < other.places.len() {
+            (other, self)
         } else {
-            (std::mem::take(self), other)
+            (self, other)
         };
-        let merged = other.places.iter().try_for_each(|place| {
-            let at = more.place(&place.key);
-            more.places[at].merge(place)
-        });
-        *self = more;
-        merged
+        for place in &fewer.places {
+            let at = merged.place(&place.key);
+            merged.places[at].merge(place)?;
+        }
+        Ok(merged)
     }
 
     /// The places in order of their keys.

@@ -69,16 +69,16 @@ pub struct FeatureModel {
 
 impl FeatureModel {
     /// Of the sums of a feature, with at most so many rhythms.
-    pub fn of_sums(place: &str, it: FeatureSums, order: usize) -> Self {
+    pub fn of_sums(place: &str, feature: FeatureSums, order: usize) -> Self {
         Self {
             place: place.to_owned(),
-            feature: it.feature,
-            model: model_of(&it.sums, order),
-            sums: it.sums,
+            feature: feature.feature,
+            model: model_of(&feature.sums, order),
+            sums: feature.sums,
         }
     }
 
-    /// Mean and rhythms of the model.
+    /// The mean and at most `order` rhythms of the sums; the model has as many as it was made with.
     pub fn rhythms(&self, order: usize) -> Rhythms {
         self.sums.rhythms(order)
     }

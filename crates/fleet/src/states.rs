@@ -156,7 +156,12 @@ impl States {
             let observed = if head & 1 == 1 {
                 u64::MAX
             } else {
-                word_of(&mut bytes).ok_or_else(no_states)?
+                let observed = word_of(&mut bytes).ok_or_else(no_states)?;
+                // All of them are said by the head alone.
+                if observed == u64::MAX {
+                    return Err(no_states());
+                }
+                observed
             };
             let seen = word_of(&mut bytes).ok_or_else(no_states)?;
             let is_possible = observed != 0 && seen & !observed == 0;
@@ -191,12 +196,14 @@ fn no_states() -> Error {
         .with_help("take them as `compact` has made them")
 }
 
+/// A LEB128 integer in as few bytes as it needs, and what comes after it.
 fn head_of(bytes: &[u8]) -> Option<(u64, &[u8])> {
     let mut head = 0;
     for (i, &byte) in bytes.iter().enumerate().take(5) {
         head |= u64::from(byte & 0x7F) << (7 * i);
         if byte < 0x80 {
-            return Some((head, &bytes[i + 1..]));
+            let is_shortest = byte != 0 || i == 0;
+            return is_shortest.then_some((head, &bytes[i + 1..]));
         }
     }
     None
@@ -238,6 +245,19 @@ mod tests {
             }
         }
         assert!(States::from_bytes(&[0xFF; 40]).is_err());
+    }
+
+    #[test]
+    fn other_bytes_that_would_mean_the_same_are_refused() {
+        let bytes = of(&[(0, true)]).to_bytes();
+        // The head in two bytes.
+        let longer = [&[0x80, 0][..], &bytes[1..]].concat();
+        // All features as 8 bytes of ones.
+        let spelt_out = [&[0][..], &[0xFF; 8], &[1; 8]].concat();
+        for bytes in [longer, spelt_out] {
+            let error = States::from_bytes(&bytes).expect_err("not as they are written");
+            assert_eq!(error.kind(), ErrorKind::Format);
+        }
     }
 
     #[test]

@@ -967,7 +967,7 @@ def evaluate_visits(place: str, visits: SupportsGetItem[int, bytes | bytearray],
     is a model of, the sum of squared errors, the sum of -ln p of what was observed (p at least 1e-6), and
     observations without a model.
 
-    Summed by feature in order of identity: the same for any order of rows.
+    Summed in order of the visits' identities, and of features within each: the same for any order of rows.
     """
 
 def exif_time(path: PathLike) -> MaybeMoment:

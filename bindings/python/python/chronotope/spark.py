@@ -13,7 +13,7 @@ merge exactly, so the models are, byte for byte, those that one process learns o
 partitions and the order, and whichever worker fails.
 
 Maps of places, from a table of images (``robot``, ``place``, ``session``, ``time``, ``image``): ``extract`` makes
-16 kB of features of each image where it lies, ``learn_maps`` learns each place of each robot, and
+the features of each image where it lies (48 bytes each), ``learn_maps`` learns each place of each robot, and
 ``join_shards`` makes one map file of the results, or one for each region.
 
 Only Arrow passes between Spark and Python; every worker needs this package.
@@ -66,6 +66,9 @@ OBSERVATIONS: Mapping[str, str] = {
     "feature": "int",
     "state": "boolean",
 }
+#: What the footer of a file says that chronotope has written, and the table of observations there.
+_TABLE_KEY = b"chronotope.table"
+_TABLE = b"observations/1"
 #: The columns of a table of models.
 MODELS = (
     "place string, feature int, num_observed int, num_seen int, mean double, period_s array<double>, "
@@ -102,9 +105,11 @@ _MAPS_AT_ONCE = 64
 def read_observations(session: SparkSession, *paths: PathLike) -> DataFrame:
     """The table of observations in these files and folders, whose footers are checked first.
 
+    Paths are files, or folders that hold such tables alone; patterns are for ``session.read.parquet``.
+
     Errors: ``FormatError`` that names file, row group and column for a column that is missing, of another
-    type, or null somewhere; for a time in other units than microseconds, or without a zone; and for a folder
-    without ``_SUCCESS``. ``NotFoundError``.
+    type, or null somewhere; for a time in other units than microseconds, or without a zone; for another table,
+    or a newer version of this one; and for a folder without ``_SUCCESS``. ``NotFoundError``.
     """
     files = [file for path in paths for file in _files_of(os.fspath(path))]
     if not files:
@@ -125,7 +130,9 @@ def _files_of(path: str) -> list[tuple[Any, str, str]]:
         filesystem, name = fs.LocalFileSystem(), os.path.abspath(path)
     info = filesystem.get_file_info(name)
     if info.type == fs.FileType.NotFound:
-        raise NotFoundError("there is no such file or folder", "not-found", path)
+        raise NotFoundError(
+            "there is no such file or folder", "not-found", path, None, "name files and folders, no patterns"
+        )
     if info.type == fs.FileType.File:
         return [(filesystem, name, path)]
     inside = filesystem.get_file_info(fs.FileSelector(name))
@@ -137,7 +144,26 @@ def _files_of(path: str) -> list[tuple[Any, str, str]]:
             None,
             "whoever writes it is not finished, or has failed: write it again",
         )
+    # As Spark has it, such names are no data.
+    inside = [it for it in inside if not it.base_name.startswith(("_", "."))]
+    for it in inside:
+        if it.type == fs.FileType.Directory:
+            raise FormatError(
+                "this table is partitioned into folders, whose names hold a column",
+                "format",
+                os.path.join(path, it.base_name),
+                None,
+                "write it without partitionBy: row groups are found by place and day anyway",
+            )
     found = sorted(it.path for it in inside if it.base_name.endswith(".parquet"))
+    if not found:
+        raise FormatError(
+            "this folder has no .parquet file",
+            "format",
+            path,
+            None,
+            "name the files, or the folder that they are in",
+        )
     return [(filesystem, it, os.path.join(path, os.path.basename(it))) for it in found]
 
 
@@ -146,10 +172,19 @@ def _check_footer(filesystem: Any, name: str, shown: str) -> None:
 
     try:
         with filesystem.open_input_file(name) as file:
-            metadata = parquet.ParquetFile(file).metadata
-            schema = parquet.ParquetFile(file).schema_arrow
+            found_file = parquet.ParquetFile(file)
+            metadata, schema = found_file.metadata, found_file.schema_arrow
     except (pa.ArrowInvalid, OSError) as cause:
         raise FormatError(str(cause), "format", shown, "footer", "write the file again") from cause
+    mark = (metadata.metadata or {}).get(_TABLE_KEY, _TABLE)
+    if mark != _TABLE:
+        raise FormatError(
+            f"this is a table `{mark.decode(errors='replace')}`, where `{_TABLE.decode()}` is expected",
+            "format",
+            shown,
+            f"footer, key `{_TABLE_KEY.decode()}`",
+            "give a table of observations; of a newer version a newer chronotope reads it",
+        )
     expected = {
         "place": pa.string(),
         "visit": pa.binary(),
@@ -164,13 +199,8 @@ def _check_footer(filesystem: Any, name: str, shown: str) -> None:
             raise FormatError(
                 f"the file has not this column, but {has}", "format", shown, place, _has_columns()
             )
-        found = schema.field(column).type
-        if pa.types.is_dictionary(found):
-            found = found.value_type
-        is_right = found == kind or (column == "visit" and found == pa.binary(16))
-        if column == "time" and pa.types.is_timestamp(found):
-            is_right = found.unit == "us" and found.tz in ("UTC", "+00:00")
-        if not is_right:
+        found = _in_parquet(schema.field(column).type)
+        if found != kind and not (column == "visit" and found == pa.binary(16)):
             raise FormatError(
                 f"it must be {kind}, and is {found}", "format", shown, place, _remedy_of(column)
             )
@@ -187,6 +217,22 @@ def _check_footer(filesystem: Any, name: str, shown: str) -> None:
                     f"row group {group}, column `{chunk.path_in_schema}`",
                     "leave out rows of which something is not known",
                 )
+
+
+def _in_parquet(kind: pa.DataType) -> pa.DataType:
+    """What Parquet knows of a type: not how long or how encoded the writer's Arrow had it in memory, and of a
+    time only whether it has a zone, as it is kept in UTC then."""
+    if pa.types.is_dictionary(kind):
+        kind = kind.value_type
+    if pa.types.is_timestamp(kind) and kind.tz is not None:
+        return pa.timestamp(kind.unit, tz="UTC")
+    plain = {
+        "large_string": pa.string(),
+        "string_view": pa.string(),
+        "large_binary": pa.binary(),
+        "binary_view": pa.binary(),
+    }
+    return plain.get(str(kind), kind)
 
 
 def _has_columns() -> str:
@@ -429,6 +475,7 @@ def learn_series(
 
 def _merging(order: int) -> Callable[[tuple[pa.Scalar, ...], pa.Table], pa.Table]:
     def merge(key: tuple[pa.Scalar, ...], table: pa.Table) -> pa.Table:
+        _refuse_nulls(table)
         features = table.column("feature").to_numpy()
         return _models(key[0].as_py(), features, table.column("sums").to_pylist(), order)
 
@@ -438,8 +485,9 @@ def _merging(order: int) -> Callable[[tuple[pa.Scalar, ...], pa.Table], pa.Table
 def merge_models(*models: DataFrame, order: int = 2) -> DataFrame:
     """The models of all observations that several tables of models were learnt from.
 
-    Exact, and only right for tables that share no visit, such as those of different days: sums do not know
-    what is in them. Where visits may come late or twice, learn from the observations again.
+    The models have at most ``order`` rhythms, of the periods that all tables were learnt with. Exact, and only
+    right for tables that share no visit, such as those of different days: sums do not know what is in them.
+    Where visits may come late or twice, learn from the observations again.
     """
     if not models:
         raise ConfigError("no models are named", help="give one table or more")
@@ -465,6 +513,7 @@ def predict(models: DataFrame, times: Any) -> DataFrame:
     def predict_batches(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
         when = pa.array(times_us, pa.int64()).cast(pa.timestamp("us", tz="UTC"))
         for batch in batches:
+            _refuse_nulls(pa.Table.from_batches([batch]))
             try:
                 p = _engine.predict_models(batch.column("model").to_pylist(), times_us)
             except Error as error:
@@ -493,6 +542,7 @@ def evaluate(models: DataFrame, observations: DataFrame) -> DataFrame:
 
     def judge(key: tuple[pa.Scalar, ...], visits: pa.Table, models: pa.Table) -> pa.Table:
         place = key[0].as_py()
+        _refuse_nulls(models)
         try:
             num, squares, nats, num_without = _engine.evaluate_visits(
                 place,
@@ -504,27 +554,23 @@ def evaluate(models: DataFrame, observations: DataFrame) -> DataFrame:
             )
         except Error as error:
             raise _named(error) from None
+        is_observed = num + num_without > 0
+        # A place without any model has no mean.
+        brier, log_loss = (total / num if num else None for total in (squares, nats))
         columns = {
-            "place": pa.array([place] if num or num_without else [], pa.string()),
-            "num_observations": pa.array([num] if num or num_without else [], pa.int64()),
-            "brier": pa.array(_mean(squares, num, num_without), pa.float64()),
-            "log_loss": pa.array(_mean(nats, num, num_without), pa.float64()),
-            "num_without_model": pa.array([num_without] if num or num_without else [], pa.int64()),
+            "place": pa.array([place], pa.string()),
+            "num_observations": pa.array([num], pa.int64()),
+            "brier": pa.array([brier], pa.float64()),
+            "log_loss": pa.array([log_loss], pa.float64()),
+            "num_without_model": pa.array([num_without], pa.int64()),
         }
-        return pa.table(columns)
+        return pa.table(columns).slice(0, int(is_observed))
 
     grouped = visits.groupBy("place").cogroup(known.groupBy("place"))
     schema = (
         "place string, num_observations bigint, brier double, log_loss double, num_without_model bigint"
     )
     return grouped.applyInArrow(judge, schema)
-
-
-def _mean(total: float, num: int, num_without: int) -> list[float | None]:
-    """Nothing for a place that was not observed; null for one without a model."""
-    if num:
-        return [total / num]
-    return [None] if num_without else []
 
 
 # ---- maps of places
@@ -534,7 +580,7 @@ def extract(images: DataFrame, *, n: int = 600) -> DataFrame:
     """The ``n`` strongest features of each image, where the image lies: 48 bytes each instead of pixels.
 
     ``images`` has ``robot``, ``place``, ``session``, ``time`` and ``image``, the bytes of a file in one of the six
-    formats that ``chronotope`` reads. Of the result an image cannot be made again.
+    formats that ``chronotope`` reads. The images cannot be made of the result again.
     """
     frame = _check_columns(images, IMAGES, "images")
 

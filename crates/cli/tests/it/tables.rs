@@ -81,6 +81,10 @@ mod with_parquet {
             import,
             &["features.parquet", "observations/1", "features/1"],
         );
+        fixture.fails(
+            "map import tables tables --parquet --out again.map",
+            &["--parquet takes one folder"],
+        );
         std::fs::remove_file(path("_SUCCESS")).expect("there");
         fixture.fails(import, &["tables", "_SUCCESS"]);
         assert!(!fixture.path("again.map").exists());

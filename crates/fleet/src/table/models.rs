@@ -9,7 +9,7 @@ use arrow_array::builder::{Float64Builder, ListBuilder};
 use arrow_array::types::Float64Type;
 use arrow_array::{BinaryArray, Float64Array, Int32Array, StringArray};
 use fremen::spectrum::SpectralSums;
-use fremen::{Result, SeriesModel};
+use fremen::{Error, Result, SeriesModel};
 
 use super::columns::{MODELS, element};
 use super::reader::TableFile;
@@ -92,8 +92,9 @@ impl ModelWriter {
 
 /// Reads the models of files, in the order in which they lie there.
 ///
-/// Fails with [`ErrorKind::Format`](fremen::ErrorKind::Format) or
-/// [`ErrorKind::Checksum`](fremen::ErrorKind::Checksum), naming file, row group and column.
+/// Fails with [`ErrorKind::Format`](fremen::ErrorKind::Format),
+/// [`ErrorKind::Checksum`](fremen::ErrorKind::Checksum) or, for a model of several states,
+/// [`ErrorKind::Shape`](fremen::ErrorKind::Shape), naming file, row group and column.
 pub fn read_models(files: &[PathBuf]) -> Result<Vec<FeatureModel>> {
     let names = ["place", "feature", "mean", "sums", "model"];
     let mut models = Vec::new();
@@ -107,10 +108,11 @@ pub fn read_models(files: &[PathBuf]) -> Result<Vec<FeatureModel>> {
                 batch.check_finite(2, batch.numbers::<Float64Type>(2).iter().copied())?;
                 let (sums, model) = (batch.bytes(3)?, batch.bytes(4)?);
                 for row in 0..batch.num_rows() {
-                    let refused = |column, error: fremen::Error| {
-                        batch
-                            .error(column, row, error.message())
-                            .with_help("learn the models again")
+                    let refused = |column, cause: Error| {
+                        // A place that it names is one in these bytes.
+                        let error = Error::new(cause.kind(), cause.message()).with_source(cause);
+                        let error = batch.located(column, row, error);
+                        error.with_help("learn the models again")
                     };
                     let sums = SpectralSums::from_bytes(sums.get(row));
                     let model = model.get(row).to_vec();

@@ -90,12 +90,13 @@ pub fn read_observations(files: &[PathBuf], cfg: &ReadConfig) -> Result<(FleetLo
         .collect();
     // Of neighbours, so that visits that two row groups share are few.
     let share = groups.len().div_ceil(pool.current_num_threads()).max(1);
-    let num_bytes = AtomicU64::new(0);
+    let (num_rows, num_bytes) = (AtomicU64::new(0), AtomicU64::new(0));
     let read = |groups: &[(usize, usize)]| {
         let mut log = FleetLog::new();
         for &(table, group) in groups {
             let before = log.num_bytes();
-            read_group(&tables[table], group, &mut log)?;
+            let rows = read_group(&tables[table], group, &mut log)?;
+            num_rows.fetch_add(rows, Ordering::Relaxed);
             let more = (log.num_bytes() - before) as u64;
             let so_far = num_bytes.fetch_add(more, Ordering::Relaxed) + more;
             if so_far > cfg.max_bytes as u64 {
@@ -108,17 +109,14 @@ pub fn read_observations(files: &[PathBuf], cfg: &ReadConfig) -> Result<(FleetLo
     };
     let log = pool.install(|| {
         let logs = groups.par_chunks(share).map(read);
-        logs.try_reduce(FleetLog::new, |mut log, other| {
-            log.merge(other)?;
-            Ok(log)
-        })
+        logs.try_reduce(FleetLog::new, |log, other| Ok(log.merge(other)?))
     });
     let log = log.map_err(|refused| match refused {
         Refused::Error(error) => error,
         Refused::Contradiction(it) => located(&tables, it),
     })?;
-    let rows = groups.iter().map(|&(at, group)| tables[at].num_rows(group));
-    let num_rows: u64 = rows.sum();
+    // As read, whatever the footers say.
+    let num_rows = num_rows.into_inner();
     let report = ReadReport {
         num_files: files.len(),
         num_rows,
@@ -185,7 +183,9 @@ impl<'a> Columns<'a> {
     }
 }
 
-fn read_group(table: &TableFile, group: usize, log: &mut FleetLog) -> Result<(), Refused> {
+/// Adds what a row group says, and gives the number of its rows.
+fn read_group(table: &TableFile, group: usize, log: &mut FleetLog) -> Result<u64, Refused> {
+    let mut num_rows = 0;
     let mut rows = table.rows(group)?;
     while let Some(batch) = rows.next()? {
         let columns = Columns::of(&batch)?;
@@ -216,8 +216,9 @@ fn read_group(table: &TableFile, group: usize, log: &mut FleetLog) -> Result<(),
             )?;
             start = end;
         }
+        num_rows += batch.num_rows() as u64;
     }
-    Ok(())
+    Ok(num_rows)
 }
 
 /// The error for a contradiction, with both places where it is said.
@@ -279,6 +280,9 @@ pub fn read_series(files: &[PathBuf], place: Option<&str>, feature: Option<u32>)
         Error::new(kind, message).with_path(first()).with_help(help)
     };
     let names = |help: &str| {
+        if places.is_empty() {
+            return "no row is in these files".to_owned();
+        }
         let some: Vec<&str> = places.iter().take(5).map(|it| it.key()).collect();
         let dots = if places.len() > 5 { ", ..." } else { "" };
         format!("{help}{}{dots}", some.join(", "))

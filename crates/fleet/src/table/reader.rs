@@ -85,11 +85,6 @@ impl TableFile {
         self.metadata.metadata().num_row_groups()
     }
 
-    pub(super) fn num_rows(&self, row_group: usize) -> u64 {
-        let groups = self.metadata.metadata().row_groups();
-        groups[row_group].num_rows().cast_unsigned()
-    }
-
     /// The rows of one row group, some at a time.
     pub(super) fn rows(&self, row_group: usize) -> Result<Rows<'_>> {
         // A file of its own: a shared one has one position for all threads.
@@ -209,15 +204,18 @@ impl Batch<'_> {
 
     /// The error for what is in a row of a column.
     pub(super) fn error(&self, column: usize, row: usize, message: impl Into<String>) -> Error {
+        self.located(column, row, Error::new(ErrorKind::Format, message))
+    }
+
+    /// The error, with the row of the column that it is about.
+    pub(super) fn located(&self, column: usize, row: usize, error: Error) -> Error {
         let place = format!(
             "row group {}, column `{}`, row {}",
             self.row_group,
             self.table.columns[column].0,
             self.first_row + row
         );
-        Error::new(ErrorKind::Format, message)
-            .with_path(&self.table.path)
-            .with_place(place)
+        error.with_path(&self.table.path).with_place(place)
     }
 
     /// The numbers of a column.

@@ -10,9 +10,13 @@ use arrow_array::{
     TimestampMicrosecondArray, TimestampMillisecondArray, TimestampNanosecondArray,
 };
 use chronotope_fleet::table::{ReadConfig, read_models, read_observations};
+use chronotope_fleet::{FleetConfig, learn};
+use fremen::ErrorKind;
 use parquet::arrow::ArrowWriter;
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
+
+use crate::fixture::{log_of, observations};
 
 /// Two rows of a table, whose columns tests replace.
 fn columns() -> Vec<(&'static str, ArrayRef)> {
@@ -216,32 +220,48 @@ fn contradicting_rows_are_named_with_both_places() {
 fn a_model_that_is_not_one_is_named() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("models.parquet");
-    let mean: ArrayRef = Arc::new(Float64Array::from(vec![0.5, f64::NAN]));
-    let table = |mean: ArrayRef| {
-        vec![
-            (
-                "place",
-                Arc::new(StringArray::from(vec!["hall", "hall"])) as ArrayRef,
-            ),
+    let models = learn(&log_of(&observations()[..2]), &FleetConfig::default()).expect("few");
+    let (sums, model) = (models[0].sums.to_bytes(), &models[0].model[..]);
+    let mut flipped = sums.clone();
+    flipped[20] ^= 1;
+    for (second, second_sums, model, kind, says) in [
+        (
+            f64::NAN,
+            &sums,
+            model,
+            ErrorKind::Format,
+            "column `mean`, row 1: NaN",
+        ),
+        (
+            0.5,
+            &sums,
+            &b"model"[..],
+            ErrorKind::Format,
+            "column `model`, row 0",
+        ),
+        (
+            0.5,
+            &flipped,
+            model,
+            ErrorKind::Checksum,
+            "column `sums`, row 1",
+        ),
+    ] {
+        let table: Vec<(&str, ArrayRef)> = vec![
+            ("place", Arc::new(StringArray::from(vec!["hall", "hall"]))),
             ("feature", Arc::new(Int32Array::from(vec![0, 1]))),
-            ("mean", mean),
-            ("sums", ids(&[Some(b"no"), Some(b"sums")])),
-            ("model", ids(&[Some(b"no"), Some(b"model")])),
-        ]
-    };
-    write(&path, &[table(mean)], None);
-    let error = read_models(std::slice::from_ref(&path))
-        .expect_err("NaN")
-        .to_string();
-    is_named(&error, &path, &["row group 0, column `mean`, row 1", "NaN"]);
-    std::fs::remove_file(&path).expect("there");
-    write(
-        &path,
-        &[table(Arc::new(Float64Array::from(vec![0.5, 0.5])))],
-        None,
-    );
-    let error = read_models(std::slice::from_ref(&path))
-        .expect_err("no model")
-        .to_string();
-    is_named(&error, &path, &["row group 0, column `model`, row 0"]);
+            ("mean", Arc::new(Float64Array::from(vec![0.5, second]))),
+            ("sums", ids(&[Some(&sums), Some(second_sums)])),
+            ("model", ids(&[Some(model), Some(model)])),
+        ];
+        write(&path, &[table], None);
+        let error = read_models(std::slice::from_ref(&path)).expect_err(says);
+        assert_eq!(error.kind(), kind, "{error}");
+        is_named(
+            &error.to_string(),
+            &path,
+            &[&format!("row group 0, {says}")],
+        );
+        std::fs::remove_file(&path).expect("there");
+    }
 }

@@ -93,8 +93,8 @@ fn logs_that_contradict_each_other_do_not_merge() {
         ..row
     };
     for (other, feature) in [(other, Some(row.feature)), (later, None)] {
-        let mut log = log_of(&[row]);
-        let found = log.merge(log_of(&[other])).expect_err("a contradiction");
+        let merged = log_of(&[row]).merge(log_of(&[other]));
+        let found = merged.expect_err("a contradiction");
         assert_eq!((found.visit, found.feature), (row.visit, feature));
     }
 }
@@ -111,7 +111,7 @@ proptest! {
         let merged = |order: &[usize]| {
             let mut all = FleetLog::new();
             for &of in order {
-                all.merge(part(of)).expect("no contradiction");
+                all = all.merge(part(of)).expect("no contradiction");
             }
             learn(&all, &cfg).expect("few")
         };

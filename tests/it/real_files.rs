@@ -5,7 +5,9 @@
 use std::path::PathBuf;
 
 use chronotope::Time;
-use chronotope::dataset::{Dataset, FileIdentity, ImageSource, Lookup, Manifest, exif_time};
+use chronotope::dataset::{
+    Dataset, FileIdentity, ImageSource, Lookup, Manifest, ReadOptions, exif_time,
+};
 use chronotope::feature::image_file::decode_gray;
 use chronotope::feature::{DecodeLimits, GrayImage};
 use fremen::time::Zone;
@@ -338,6 +340,29 @@ fn labelme_49_an_entry_is_found_by_its_file_and_not_by_a_part_of_its_name() {
     );
 }
 
+#[test]
+fn dcase_2023_baseline_1_a_name_keeps_the_blanks_at_its_ends() {
+    let rows = [
+        "a,2024-05-02T09:00:00Z,\" lead.png\"",
+        "b, 2024-05-02T09:00:00Z , plain.png ",
+        "c,2024-05-02T09:00:00Z,sub/ lead.png",
+    ];
+    let images = [" lead.png", "plain.png", "sub/ lead.png"];
+    let folder = dataset_of("place, time ,path", &rows, &images);
+    let dataset = Dataset::open(folder.path()).expect("a dataset");
+    assert!(dataset.problems.is_empty(), "{:?}", dataset.problems);
+    let ids: Vec<&str> = dataset.entries.iter().map(|it| it.id.as_str()).collect();
+    assert_eq!(ids, images);
+    let named = images.map(|name| name.rsplit('/').next().unwrap_or(name).to_owned());
+    let options = ReadOptions {
+        only: Some(std::sync::Arc::new(named.into())),
+        ..ReadOptions::default()
+    };
+    let (manifest, data) = Manifest::locate(folder.path()).expect("a dataset");
+    let same = Dataset::read(&manifest, &data, &options).expect("a dataset");
+    assert_eq!(same.entries.len(), 3);
+}
+
 #[cfg(unix)]
 #[test]
 fn yolov5_11115_links_and_linked_folders_lead_to_the_same_entry() {
@@ -506,8 +531,17 @@ fn pandas_10987_times_of_an_index_have_a_unit() {
         ("place,time_s,path", "1714640400"),
         ("place,time_ms,path", "1714640400000"),
         ("place,time_ns,path", "1714640400000000000"),
+        ("\n\nplace,time_ns,path", "1714640400000000000"),
+        ("place;time_ms;path", "1714640400000"),
+        ("\"place\"\ttime\tpath", "2024-05-02T09:00:00Z"),
     ] {
-        let folder = dataset_of(header, &[&format!("a,{cell},a.png")], &["a.png"]);
+        let cells = format!("a,{cell},a.png");
+        let row = match header {
+            _ if header.contains(';') => cells.replace(',', ";"),
+            _ if header.contains('\t') => cells.replace(',', "\t"),
+            _ => cells,
+        };
+        let folder = dataset_of(header, &[&row], &["a.png"]);
         let dataset = Dataset::open(folder.path()).expect(cell);
         assert_eq!(
             dataset.entries[0].time.to_string(),

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::collector::{Collector, outside_message};
-use crate::dataset::table::{MAX_TABLE_BYTES, Row, Table, read_text};
+use crate::dataset::table::{MAX_TABLE_BYTES, Row, Table, header_of, read_text};
 use crate::feature::Rect;
 use crate::map::{Edge, PlaceKey};
 use fremen::error::{Error, ErrorKind, Result};
@@ -27,10 +27,10 @@ const POSE: [&str; 3] = ["x", "y", "z"];
 pub(super) fn read(collector: &mut Collector<'_>, file: &str, ignore: &[String]) -> Result<()> {
     let path = collector.root.join(file);
     let text = read_text(&path, MAX_TABLE_BYTES)?;
-    let header = text.lines().next().unwrap_or_default();
+    let header = header_of(&text);
     let has = |name: &str| {
         header
-            .split(',')
+            .split([',', ';', '\t'])
             .any(|cell| cell.trim().trim_matches('"') == name)
     };
     let times = TIMES.map(|(column, _)| column);
@@ -48,7 +48,7 @@ pub(super) fn read(collector: &mut Collector<'_>, file: &str, ignore: &[String])
     let only = collector.options.only.as_deref();
     let is_wanted = |path: &str| {
         let name = path.rsplit('/').next().unwrap_or(path);
-        only.is_none_or(|only| only.contains(name))
+        only.is_none_or(|only| only.contains(name) || only.contains(name.trim()))
     };
     let required = ["place", time, "path"];
     let table = Table::read_where(&path, &required, &optional, "path", &is_wanted)?;
@@ -69,7 +69,7 @@ pub(super) fn read(collector: &mut Collector<'_>, file: &str, ignore: &[String])
     for row in &table.rows {
         let place = place(&table, row, "place")?;
         let time = times.read(&table, row)?;
-        let path = table.text(row, "path")?;
+        let path = path_of(collector.root, &table, row)?;
         let scale = match table.finite(row, "scale")? {
             Some(scale) if scale <= 0.0 => {
                 return Err(table
@@ -195,6 +195,14 @@ pub(super) fn read_edges(collector: &mut Collector<'_>) -> Result<()> {
         collector.edges.push(edge);
     }
     Ok(())
+}
+
+/// The image's path. Blanks around it are the table's, unless they belong to the name of a file.
+fn path_of<'a>(root: &Path, table: &Table, row: &'a Row) -> Result<&'a str> {
+    let path = table.text(row, "path")?;
+    let written = table.written(row, "path").unwrap_or(path);
+    let is_name = written != path && root.join(written).symlink_metadata().is_ok();
+    Ok(if is_name { written } else { path })
 }
 
 fn place(table: &Table, row: &Row, column: &str) -> Result<PlaceKey> {

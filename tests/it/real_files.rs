@@ -575,6 +575,24 @@ fn pandas_10987_times_of_an_index_have_a_unit() {
 }
 
 #[test]
+fn dencode_9_numbers_in_the_wrong_column_of_times_are_a_problem() {
+    let rows = ["a,1714640400,a.png", "a,1714726800,b.png"];
+    let images = ["a.png", "b.png"];
+    let folder = dataset_of("place,time_ms,path", &rows, &images);
+    let dataset = Dataset::open(folder.path()).expect("a dataset");
+    assert_eq!(dataset.entries.len(), 2);
+    let problem = dataset.problems[0].to_string();
+    for words in ["milliseconds", "look like seconds", "time_s"] {
+        assert!(problem.contains(words), "{problem}");
+    }
+    // A clock that began with the robot, a while ago.
+    let rows = ["a,600000,a.png", "a,1714726800,b.png"];
+    let folder = dataset_of("place,time_ms,path", &rows, &images);
+    let dataset = Dataset::open(folder.path()).expect("a dataset");
+    assert_eq!(dataset.problems, []);
+}
+
+#[test]
 fn autoware_1030_any_image_of_a_dataset_is_read_as_its_layout_says() {
     let text = "name = 'raw'\n[time]\nclock = 'real'\n[[layout]]\nkind = 'nclt'\ncamera = 5\n\
                 radius_m = 1.0\n[[layout.place]]\nkey = 'a'\nx = 0.0\ny = 0.0\n";

@@ -53,6 +53,14 @@ pub(super) fn read(collector: &mut Collector<'_>, file: &str, ignore: &[String])
     let required = ["place", time, "path"];
     let table = Table::read_where(&path, &required, &optional, "path", &is_wanted)?;
     let times = Times::of(&table, collector.options.zone.as_ref())?;
+    if let Some((unit, column)) = times.other_unit(&table) {
+        let message = format!(
+            "its times are read as {}, and look like {} (help: call the column {column}, if they are)",
+            times.unit.map_or("", TimeUnit::words),
+            unit.words()
+        );
+        collector.problem(file, message);
+    }
     if table.rows.is_empty() {
         return Err(Error::new(ErrorKind::Format, "the index lists no image")
             .with_path(table.path())
@@ -127,6 +135,19 @@ impl<'a> Times<'a> {
                 "remove one of them".into(),
             )),
         }
+    }
+
+    /// The unit that every number of the column looks like, if it is another one than the column's;
+    /// and the column for it.
+    ///
+    /// A clock that begins with the robot may show the same numbers, so they are learnt all the same.
+    fn other_unit(&self, table: &Table) -> Option<(TimeUnit, &'static str)> {
+        let of = |row: &Row| TimeUnit::guess(table.get(row, self.column)?.parse().ok()?);
+        let guess = of(table.rows.first()?).filter(|_| self.unit.is_some())?;
+        let is_other =
+            Some(guess) != self.unit && table.rows.iter().all(|row| of(row) == Some(guess));
+        let (column, _) = TIMES.into_iter().find(|(_, unit)| *unit == Some(guess))?;
+        is_other.then_some((guess, column))
     }
 
     fn read(&self, table: &Table, row: &Row) -> Result<Time> {

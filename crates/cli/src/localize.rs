@@ -51,9 +51,10 @@ pub(super) struct LocalizeArgs {
     /// Image files, or videos (with the cargo feature `opencv`).
     #[arg(value_name = "IMAGE", required_unless_present_any = ["camera", "print_config"])]
     images: Vec<PathBuf>,
-    /// When they were taken (a video: began), in RFC 3339 with an offset.
+    /// When they were taken (a video: began), in RFC 3339 with an offset (of --zone without one), or
+    /// a number since 1970 with its unit: 1714552200s.
     #[arg(long)]
-    time: Option<Time>,
+    time: Option<String>,
     /// A supported dataset, a manifest or a folder with one, whose file-name rule says when.
     #[arg(long, value_name = "NAME|FILE")]
     manifest: Option<String>,
@@ -126,6 +127,7 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
     let Some(path) = &args.map else {
         bail!("MAP is missing");
     };
+    let time = args.time()?;
     let (trace, results) = args.outputs(out)?;
     let mut robot = Robot::open(path, args.robot(&config)?)?;
     let is_preset = config.localize.method() == LocalizerConfig::preset(preset).method();
@@ -154,7 +156,7 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
     }
     let mut pictures = Pictures::new(
         &args.images,
-        args.time,
+        time,
         needs_time,
         args.manifest.as_deref(),
         &args.reading,
@@ -166,7 +168,7 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
         }
         if live::is_video(path) {
             guide.form = guide.form.for_many();
-            match live::video(path, args.time) {
+            match live::video(path, time) {
                 Ok(frames) => guide.follow(frames)?,
                 Err(error) => guide.fail(&error, path)?,
             }
@@ -229,6 +231,14 @@ impl LocalizeArgs {
             cfg = cfg.with_recorded_images();
         }
         Ok(cfg)
+    }
+
+    /// The time that was given for all images.
+    fn time(&self) -> Result<Option<Time>> {
+        let zone = self.reading.zone.as_ref();
+        let read = |text: &String| Time::parse_in(text, zone);
+        let time = self.time.as_ref().map(read).transpose();
+        Ok(time.map_err(|error| error.with_place("--time"))?)
     }
 
     fn change(&self, mut cfg: LocalizerConfig) -> Result<LocalizerConfig> {

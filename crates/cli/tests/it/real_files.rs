@@ -287,6 +287,31 @@ fn pandas_17860_a_series_says_its_unit() {
 }
 
 #[test]
+fn pandas_17860_times_of_arguments_are_read_as_those_of_files() {
+    let fixture = Fixture::with_map();
+    fixture
+        .succeeds("localize street.map query1.png --zone Europe/Prague --time 2023-11-15T13:00:00")
+        .prints(&["2023-11-15T12:00:00Z (given)"]);
+    fixture.fails(
+        "localize street.map query1.png --time 2023-11-15T13:00:00",
+        &["--time", "no offset", "--zone"],
+    );
+    fixture.write("ms.csv", "1714521600000,1\n1714522200000,0\n");
+    let at = "--predict-at 1714521600000";
+    fixture
+        .succeeds(&format!("spectrum ms.csv --time-unit ms {at}"))
+        .prints(&["p(2024-05-01T00:00:00Z)"]);
+    fixture.write("zone.csv", "2024-05-01T02:00:00,1\n2024-05-01T03:00:00,0\n");
+    fixture
+        .succeeds("spectrum zone.csv --zone Europe/Prague --predict-at 2024-05-02T02:00:00")
+        .prints(&["p(2024-05-02T00:00:00Z)"]);
+    fixture.fails(
+        &format!("spectrum zone.csv --zone Europe/Prague {at}"),
+        &["--predict-at", "milliseconds", "--time-unit ms"],
+    );
+}
+
+#[test]
 fn unusable_images_have_a_line_and_a_ranking_can_be_asked_for() {
     let fixture = Fixture::with_map();
     fixture.write("text.png", "no image");

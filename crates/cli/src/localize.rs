@@ -11,6 +11,7 @@ use super::live::{self, Frames};
 use super::pictures::{Picture, Pictures};
 use super::warnings::{print_held, print_num_held, warn_of_time};
 use super::within::Within;
+use chronotope::dataset::blindness;
 use chronotope::error::{Error, printable};
 use chronotope::feature::{LoadOptions, load_mask};
 use chronotope::localize::{
@@ -146,6 +147,7 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
         (false, 1) => Form::Sheet,
         (false, _) => Form::Line,
     };
+    guide.min_features = config.learn.guard().min_features();
     if args.learn || args.camera.is_some() {
         interrupt::watch()?;
     }
@@ -347,6 +349,8 @@ struct Guide<'o> {
     learns: bool,
     /// How many places of the ranking are shown.
     top: usize,
+    /// With fewer features than this hardly anything can be seen.
+    min_features: usize,
     outcome: Outcome,
     within: Option<Within>,
     is_warned: bool,
@@ -365,6 +369,7 @@ impl<'o> Guide<'o> {
             adjust: Adjust::new(args.reading.load_options(), size),
             learns: args.learn,
             top: args.top,
+            min_features: 0,
             outcome: Outcome::Good,
             within: args.within,
             is_warned: false,
@@ -436,6 +441,7 @@ impl<'o> Guide<'o> {
             features = num_features,
             "localised"
         );
+        self.warn_of_blindness(picture, num_features);
         let localizer = self.robot.localizer();
         if let Some((time, _)) = picture.time
             && !self.is_warned
@@ -472,6 +478,17 @@ impl<'o> Guide<'o> {
         }
         self.say_what_was_learnt();
         Ok(())
+    }
+
+    /// Says why hardly anything can be seen, if that is so: "unknown" alone sounds like another place.
+    fn warn_of_blindness(&self, picture: &Picture, num_features: usize) {
+        if num_features < self.min_features {
+            let range = picture.image.gray_range(picture.mask.as_ref());
+            let size = picture.image.size();
+            if let Some(why) = blindness(num_features, self.min_features, range, size) {
+                note!("warning: {}: {why}", picture.name);
+            }
+        }
     }
 
     fn say_what_was_learnt(&mut self) {

@@ -108,6 +108,21 @@ fn rtabmap_1414_what_an_update_doubts_a_build_and_a_check_doubt_too() {
 }
 
 #[test]
+fn rtabmap_1414_a_query_without_anything_to_see_says_so() {
+    let fixture = Fixture::with_map();
+    fixture.write("black.png", plain((320, 240), 3));
+    let ran = fixture.run(&format!(
+        "localize street.map black.png --time {QUERY_TIME}"
+    ));
+    assert_eq!(ran.code, 1, "{ran:?}");
+    ran.notes(&[
+        "warning: black.png: 0 features",
+        "the lens is covered",
+        "help:",
+    ]);
+}
+
+#[test]
 fn colmap_1520_an_upright_first_picture_does_not_decide() {
     let fixture = Fixture::new();
     let upright = encoded(&picture(0).rotate90().to_luma8());

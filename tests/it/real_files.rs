@@ -305,6 +305,74 @@ fn immich_1095_the_satellites_or_a_zone_say_what_a_date_leaves_out() {
     assert_eq!(exif_of(&alone, Some(&prague)), nine);
 }
 
+#[test]
+fn geotag_15_hours_of_twelve_are_told_apart() {
+    let parts = |date: &str| {
+        [
+            (8, directory(&[POINTER])),
+            (100, directory(&[(0x9003, 2, 23, 300), OFFSET])),
+            texts("2024:05:02 11:00:00"),
+            (300, format!("{date}\0").into_bytes()),
+        ]
+    };
+    for (date, time) in [
+        ("2024:05:02 11:00:00 AM", "2024-05-02T09:00:00Z"),
+        ("2024:05:02 11:00:00 PM", "2024-05-02T21:00:00Z"),
+        ("2024:05:02 12:00:00 am", "2024-05-01T22:00:00Z"),
+        ("2024:05:02 12:00:00 pm", "2024-05-02T10:00:00Z"),
+    ] {
+        assert_eq!(exif_of(&parts(date), None).as_deref(), Some(time), "{date}");
+    }
+}
+
+#[test]
+fn exifr_136_the_date_of_a_big_tiff_is_read() {
+    for is_big_endian in [false, true] {
+        let n16 = |n: u16| {
+            if is_big_endian {
+                n.to_be_bytes()
+            } else {
+                n.to_le_bytes()
+            }
+        };
+        let n64 = |n: u64| {
+            if is_big_endian {
+                n.to_be_bytes()
+            } else {
+                n.to_le_bytes()
+            }
+        };
+        let entry = |tag: u16, kind: u16, count: u64, value: u64| {
+            [&n16(tag)[..], &n16(kind), &n64(count), &n64(value)].concat()
+        };
+        let mut bytes = if is_big_endian {
+            b"MM".to_vec()
+        } else {
+            b"II".to_vec()
+        };
+        bytes.extend([n16(43), n16(8), n16(0)].concat());
+        bytes.extend(n64(16));
+        bytes.extend(n64(2));
+        bytes.extend(entry(0x0132, 2, 20, 100));
+        bytes.extend(entry(0x8769, 18, 1, 64));
+        // The camera's directory: an offset that fits into its entry.
+        bytes.resize(64, 0);
+        bytes.extend(n64(1));
+        bytes.extend(entry(0x9010, 2, 7, 0));
+        bytes[84..92].copy_from_slice(b"+02:00\0\0");
+        bytes.resize(100, 0);
+        bytes.extend(b"2024:05:02 11:00:00\0");
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.tif");
+        std::fs::write(&path, bytes).expect("writable");
+        let time = exif_time(&path, None).expect("readable");
+        assert_eq!(
+            time.map(|it| it.to_string()).as_deref(),
+            Some("2024-05-02T09:00:00Z")
+        );
+    }
+}
+
 /// A folder with an index of these rows and an image for each name.
 fn dataset_of(header: &str, rows: &[&str], images: &[&str]) -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");

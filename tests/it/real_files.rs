@@ -168,6 +168,12 @@ fn jpeg_decoder_76_kinds_that_are_not_read_are_named_with_the_remedy() {
     }
 }
 
+#[test]
+fn scancode_toolkit_4158_a_pointer_of_git_lfs_is_named() {
+    let pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n";
+    assert!(refusal(pointer).contains("git lfs pull"));
+}
+
 /// A directory of a little-endian TIFF: entries of (tag, kind, count, value), without the pointer to
 /// the next one.
 fn directory(entries: &[(u16, u16, u32, u32)]) -> Vec<u8> {

@@ -71,6 +71,19 @@ fn clip_retrieval_321_the_index_that_was_named_wins_and_a_foreign_one_is_not_sil
 }
 
 #[test]
+fn clip_retrieval_321_a_nearer_index_that_cannot_be_read_is_not_silent() {
+    let fixture = Fixture::with_map();
+    fs::create_dir_all(fixture.path("run/day")).expect("writable");
+    fs::write(fixture.path("run/day/a.png"), png(1, query_time(), 9)).expect("writable");
+    let row = format!("place,time,path\nplace-01,{QUERY_TIME},day/a.png\n");
+    fixture.write("run/index.csv", row);
+    fixture.write("run/day/index.csv", "no index\n");
+    let ran = fixture.succeeds("localize street.map run/day/a.png");
+    ran.prints(&["from the index"]);
+    ran.notes(&["run/day/index.csv", "is not used"]);
+}
+
+#[test]
 fn rtabmap_1414_what_an_update_doubts_a_build_and_a_check_doubt_too() {
     let fixture = Fixture::new();
     let mut index = fixture.index();

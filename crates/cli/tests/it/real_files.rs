@@ -340,6 +340,17 @@ fn pandas_17860_times_of_arguments_are_read_as_those_of_files() {
 }
 
 #[test]
+fn a_byte_order_mark_is_no_part_of_a_yaml_file() {
+    let fixture = Fixture::new();
+    let map = "\u{feff}image: a.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\n\
+               occupied_thresh: 0.65\nfree_thresh: 0.196\n";
+    fixture.write("a.yaml", map);
+    let cells = [b"P5\n8 8\n255\n".to_vec(), vec![254; 64]].concat();
+    fixture.write("a.pgm", cells);
+    fixture.succeeds("grid build --map a.yaml --time 2024-05-01T08:00:00Z --out a.grid");
+}
+
+#[test]
 fn unusable_images_have_a_line_and_a_ranking_can_be_asked_for() {
     let fixture = Fixture::with_map();
     fixture.write("text.png", "no image");

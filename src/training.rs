@@ -453,7 +453,8 @@ impl Training {
     ) -> Result<()> {
         if self.leaves_out_blind {
             let least = self.learner.learner().cfg().guard().min_features();
-            if let Some(doubt) = blind_doubt(image.features.len(), least, image.gray_range) {
+            let (num_features, size) = (image.features.len(), image.image_size);
+            if let Some(doubt) = blind_doubt(num_features, least, image.gray_range, size) {
                 self.report.problems.push(Problem::new(&entry.id, doubt));
                 return Ok(());
             }

@@ -92,6 +92,16 @@ impl Civil {
             fraction = nanoseconds(&behind[..len]);
             rest = &behind[len..];
         }
+        // Some write hours of twelve.
+        let of_twelve = rest.trim_start().get(..2).map(str::to_ascii_uppercase);
+        let hour = match (of_twelve.as_deref(), hour) {
+            (Some("AM"), 12) => 0,
+            (Some("PM"), 1..=11) => hour + 12,
+            _ => hour,
+        };
+        if matches!(of_twelve.as_deref(), Some("AM" | "PM")) {
+            rest = &rest.trim_start()[2..];
+        }
         let date = DateTime::new(
             year,
             small(month)?,
@@ -188,6 +198,7 @@ mod tests {
             "2024-05-02T11:00:00.250+0200",
             "2024/05/02 09:00:00.25Z",
             " 2024:05:02 11:00:00.25 +2 ",
+            "2024:05:02 09:00:00.25 AM Z",
         ] {
             assert_eq!(at(text, None, None), expected, "{text}");
         }

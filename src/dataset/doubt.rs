@@ -28,6 +28,9 @@ const SAME_CLOCK_S: f64 = 120.0;
 const FLAT_LEVELS: u8 = 8;
 /// All levels of a dark image lie below this.
 const DARK_LEVEL: u8 = 32;
+/// An image with a side shorter than this has room for hardly a feature, px: STAR finds none within
+/// 69 px of its edge.
+const SMALL_SIDE: u32 = 160;
 
 /// Columns and rows, px.
 type Size = (u32, u32);
@@ -165,26 +168,52 @@ pub(super) fn most_common<'a>(sizes: impl Iterator<Item = &'a Size>) -> Option<S
         .map(|(size, _)| size)
 }
 
-/// Why hardly anything can be seen in an image with so few features, if it has fewer than wanted.
+/// Why hardly anything can be seen in an image of this size with so few features, and what helps, if
+/// it has fewer than wanted.
+#[must_use]
+pub fn blindness(
+    num_features: usize,
+    min_features: usize,
+    gray_range: Option<(u8, u8)>,
+    (width, height): (u32, u32),
+) -> Option<String> {
+    if num_features >= min_features {
+        return None;
+    }
+    let (looks, help) = match gray_range {
+        None => ("it is hidden by its mask", "see what the mask covers"),
+        Some((_, high)) if high < DARK_LEVEL => (
+            "it is dark, or the lens is covered",
+            "remove it, or see what the camera does",
+        ),
+        Some((low, high)) if high - low < FLAT_LEVELS => (
+            "it is of one grey",
+            "remove it, or see what the camera does",
+        ),
+        Some(_) if width.min(height) < SMALL_SIDE => (
+            "it is very small",
+            "enlarge all images alike, such as with --scale 2, or take larger ones",
+        ),
+        Some(_) => (
+            "it is blurred or covered",
+            "remove it, or see what the camera does",
+        ),
+    };
+    Some(format!(
+        "{num_features} features, fewer than {min_features}; {looks} (help: {help})"
+    ))
+}
+
+/// [`blindness`] of an image that was to be learnt.
 #[must_use]
 pub fn blind_doubt(
     num_features: usize,
     min_features: usize,
     gray_range: Option<(u8, u8)>,
+    size: (u32, u32),
 ) -> Option<String> {
-    if num_features >= min_features {
-        return None;
-    }
-    let looks = match gray_range {
-        None => "it is hidden by its mask",
-        Some((_, high)) if high < DARK_LEVEL => "it is dark, or the lens is covered",
-        Some((low, high)) if high - low < FLAT_LEVELS => "it is of one grey",
-        Some(_) => "it is blurred, covered or very small",
-    };
-    Some(format!(
-        "nothing to learn: {num_features} features, fewer than {min_features}; {looks} (help: \
-         remove it, or see what the camera does)"
-    ))
+    let blindness = blindness(num_features, min_features, gray_range, size)?;
+    Some(format!("nothing to learn: {blindness}"))
 }
 
 /// [`blind_doubt`] of an image.
@@ -196,7 +225,12 @@ pub(super) fn look(
 ) -> Result<Option<String>> {
     let features = extractor.extract(image, mask)?;
     let range = image.gray_range(mask);
-    Ok(blind_doubt(features.len(), min_features, range))
+    Ok(blind_doubt(
+        features.len(),
+        min_features,
+        range,
+        image.size(),
+    ))
 }
 
 #[cfg(test)]
@@ -213,14 +247,15 @@ mod tests {
 
     #[test]
     fn what_cannot_be_seen_says_what_it_looks_like() {
-        assert_eq!(blind_doubt(10, 10, Some((0, 255))), None);
-        for (range, words) in [
-            (Some((0, 9)), "dark"),
-            (Some((100, 104)), "one grey"),
-            (Some((40, 200)), "blurred"),
-            (None, "mask"),
+        assert_eq!(blind_doubt(10, 10, Some((0, 255)), (640, 480)), None);
+        for (range, size, words) in [
+            (Some((0, 9)), (160, 120), "dark"),
+            (Some((100, 104)), (640, 480), "one grey"),
+            (Some((40, 200)), (640, 480), "blurred"),
+            (Some((40, 200)), (160, 120), "--scale 2"),
+            (None, (640, 480), "mask"),
         ] {
-            let doubt = blind_doubt(3, 10, range).expect("too few");
+            let doubt = blind_doubt(3, 10, range, size).expect("too few");
             assert!(doubt.contains(words) && doubt.contains("help:"), "{doubt}");
         }
     }

@@ -4,15 +4,27 @@
 //! extension: `{year:4}-{month:2}-{day:2}T{hour:2}_{minute:2}_{second:2}`. A field is a run of
 //! decimal digits: exactly as many as the number after the colon, or else as many as there are. `*`
 //! stands for any text. Fields: `year`, `month`, `day`, `hour`, `minute`, `second` (of a moment in
-//! UTC), `unix_s` and `unix_us` (since 1970), `visit` (a number that the time rule turns into a
-//! time) and `place` (a number, ignored here).
+//! UTC), `unix_s`, `unix_ms`, `unix_us` and `unix_ns` (since 1970; seconds may have a fraction),
+//! `visit` (a number that the time rule turns into a time) and `place` (any text, unless the number
+//! of its digits is given; ignored here).
 
 use fremen::error::{Error, ErrorKind, Result};
-use fremen::time::{Time, Zone};
+use fremen::time::{Time, TimeUnit, Zone};
 
-const FIELDS: [&str; 10] = [
-    "year", "month", "day", "hour", "minute", "second", "unix_s", "unix_us", "visit", "place",
+const FIELDS: [&str; 12] = [
+    "year", "month", "day", "hour", "minute", "second", "unix_s", "unix_ms", "unix_us", "unix_ns",
+    "visit", "place",
 ];
+/// Those that are moments by themselves.
+const MOMENTS: [(&str, TimeUnit); 4] = [
+    ("unix_ns", TimeUnit::Nanoseconds),
+    ("unix_us", TimeUnit::Microseconds),
+    ("unix_ms", TimeUnit::Milliseconds),
+    ("unix_s", TimeUnit::Seconds),
+];
+
+/// What a name has for each of them.
+type Values<'t> = [Option<&'t str>; FIELDS.len()];
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Part {
@@ -85,14 +97,15 @@ impl NamePattern {
         }
         let pattern = Self(parts);
         let says_when = (pattern.has("year") && pattern.has("month") && pattern.has("day"))
-            || pattern.has("unix_s")
-            || pattern.has("unix_us")
+            || MOMENTS.iter().any(|(field, _)| pattern.has(field))
             || pattern.has("visit");
         if says_when {
             Ok(pattern)
         } else {
             Err(bad(
-                "has no time: it needs year, month and day, or unix_s, unix_us or visit".into(),
+                "has no time: it needs year, month and day, or unix_s, unix_ms, unix_us, unix_ns or \
+                 visit"
+                    .into(),
             ))
         }
     }
@@ -109,7 +122,7 @@ impl NamePattern {
         self.read_with_place(stem, zone).map(|(moment, _)| moment)
     }
 
-    /// [`read`](Self::read), with the number of the place as it is written, if the pattern has one.
+    /// [`read`](Self::read), with the place as it is written, if the pattern has one.
     pub(super) fn read_with_place(
         &self,
         stem: &str,
@@ -119,29 +132,28 @@ impl NamePattern {
         if !read_parts(&self.0, stem, &mut values) {
             return None;
         }
-        let place = values[FIELDS.len() - 1].map(|number| number.to_string());
+        let place = values[FIELDS.len() - 1].map(str::to_owned);
         moment(&values, zone).map(|moment| (moment, place))
     }
 }
 
 /// The moment that the fields of a name say.
-fn moment(values: &[Option<i64>; FIELDS.len()], zone: Option<&Zone>) -> Option<Moment> {
+fn moment(values: &Values<'_>, zone: Option<&Zone>) -> Option<Moment> {
     let get = |name: &str| values[FIELDS.iter().position(|&known| known == name)?];
-    if let Some(us) = get("unix_us") {
-        return Some(Moment::At(Time::from_us(us)));
-    }
-    if let Some(s) = get("unix_s") {
-        return Some(Moment::At(Time::from_s(s)));
+    if let Some((number, unit)) =
+        (MOMENTS.iter()).find_map(|(field, unit)| Some((get(field)?, unit)))
+    {
+        return unit.time(number).ok().map(Moment::At);
     }
     if let (Some(year), Some(month), Some(day)) = (get("year"), get("month"), get("day")) {
-        let small = |value: i64| i8::try_from(value).ok();
+        let small = |digits: &str| digits.parse::<i8>().ok();
         let civil = jiff::civil::DateTime::new(
-            i16::try_from(year).ok()?,
+            year.parse().ok()?,
             small(month)?,
             small(day)?,
-            small(get("hour").unwrap_or(0))?,
-            small(get("minute").unwrap_or(0))?,
-            small(get("second").unwrap_or(0))?,
+            small(get("hour").unwrap_or("0"))?,
+            small(get("minute").unwrap_or("0"))?,
+            small(get("second").unwrap_or("0"))?,
             0,
         )
         .ok()?;
@@ -151,12 +163,17 @@ fn moment(values: &[Option<i64>; FIELDS.len()], zone: Option<&Zone>) -> Option<M
         let utc = jiff::tz::TimeZone::UTC.to_timestamp(civil).ok()?;
         return Some(Moment::At(Time::from(utc)));
     }
-    get("visit").map(Moment::Visit)
+    get("visit")?.parse().ok().map(Moment::Visit)
 }
 
-fn read_parts(parts: &[Part], text: &str, values: &mut [Option<i64>; FIELDS.len()]) -> bool {
+fn read_parts<'t>(parts: &[Part], text: &'t str, values: &mut Values<'t>) -> bool {
     let Some((first, later)) = parts.split_first() else {
         return text.is_empty();
+    };
+    let ends = || {
+        text.char_indices()
+            .map(|(start, _)| start)
+            .chain([text.len()])
     };
     match first {
         Part::Literal(literal) => text
@@ -164,21 +181,23 @@ fn read_parts(parts: &[Part], text: &str, values: &mut [Option<i64>; FIELDS.len(
             .is_some_and(|rest| read_parts(later, rest, values)),
         Part::Field(field, digits) => {
             let run = text.bytes().take_while(u8::is_ascii_digit).count();
-            let length = digits.unwrap_or(run);
-            if length == 0 || run < length {
-                return false;
-            }
-            let Ok(value) = text[..length].parse() else {
-                return false;
+            let mut take = |end: usize| {
+                values[*field] = Some(&text[..end]);
+                read_parts(later, &text[end..], values)
             };
-            values[*field] = Some(value);
-            read_parts(later, &text[length..], values)
+            match (FIELDS[*field], digits) {
+                ("place", None) => ends().skip(1).any(take),
+                (_, Some(digits)) => run >= *digits && take(*digits),
+                // Of 1714640400.25 all of it, unless the pattern goes on with the point.
+                ("unix_s", None) if run > 0 => {
+                    let behind = text[run..].strip_prefix('.').unwrap_or_default();
+                    let fraction = behind.bytes().take_while(u8::is_ascii_digit).count();
+                    (fraction > 0 && take(run + 1 + fraction)) || take(run)
+                }
+                _ => run > 0 && take(run),
+            }
         }
-        Part::Anything => text
-            .char_indices()
-            .map(|(start, _)| start)
-            .chain([text.len()])
-            .any(|start| read_parts(later, &text[start..], values)),
+        Part::Anything => ends().any(|start| read_parts(later, &text[start..], values)),
     }
 }
 
@@ -217,6 +236,21 @@ mod tests {
                 .read("cam_front_86400", None),
             Some(at("1970-01-02T00:00:00Z"))
         );
+        for (pattern, name) in [
+            ("{unix_ms}", "1326030975726"),
+            ("cam_{unix_s}", "cam_1326030975.726000"),
+            ("{unix_s}.*", "1326030975.726"),
+            ("{unix_ns}_{place}", "1326030975726000000_hall"),
+        ] {
+            let read = NamePattern::parse(pattern).unwrap().read(name, None);
+            let is_cut = pattern == "{unix_s}.*";
+            let expected = if is_cut {
+                "2012-01-08T13:56:15Z"
+            } else {
+                "2012-01-08T13:56:15.726Z"
+            };
+            assert_eq!(read, Some(at(expected)), "{pattern}");
+        }
         assert_eq!(
             NamePattern::parse("{visit:2}{place:2}")
                 .unwrap()

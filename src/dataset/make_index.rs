@@ -2,8 +2,8 @@
 //!
 //! - `folders`: a folder for each place, images in it; times from EXIF, or from names by a pattern;
 //! - `file-names`: places and times from names by a pattern that has `{place}`;
-//! - `robotcar` (Oxford): `CAMERA/<µs>.png` and `gps/ins.csv` (or `ins.csv`) with northing and
-//!   easting;
+//! - `robotcar` (Oxford): `<µs>.png` of one camera and `gps/ins.csv` (or `ins.csv`) with northing
+//!   and easting, in the camera's folder or above it;
 //! - `tum` (RGB-D): `rgb.txt` and `groundtruth.txt`, rows of a time in s and a file or a pose;
 //! - `euroc`: `mav0/cam0/data.csv` and `mav0/state_groundtruth_estimate0/data.csv`, times in ns.
 //!
@@ -12,6 +12,7 @@
 //!
 //! Nothing is written here: an index is text that somebody reads before using it.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::capture::exif_time;
@@ -214,7 +215,13 @@ impl MadeIndex {
             let time = match (&read, by_name) {
                 (Some((Moment::At(time), _)), _) => Some(*time),
                 (_, true) => None,
-                _ => exif_time(&path, options.zone.as_ref())?,
+                _ => match exif_time(&path, options.zone.as_ref()) {
+                    Ok(time) => time,
+                    Err(error) => {
+                        self.problems.push(Problem::of(name, error).with_file(path));
+                        continue;
+                    }
+                },
             };
             let place = match &read {
                 Some((_, Some(place))) if by_name => Some(place.clone()),
@@ -301,11 +308,24 @@ fn images_below(dir: &Path, depth: usize) -> Result<Vec<std::path::PathBuf>> {
     Ok(images)
 }
 
+/// A table of a layout.
+fn read_table(path: &Path) -> Result<String> {
+    read_text(path, MAX_TABLE_BYTES).map_err(|error| match error.kind() {
+        ErrorKind::NotFound => error
+            .with_help("the folder lacks this file of the layout: download it, or name another"),
+        _ => error,
+    })
+}
+
 fn robotcar(dir: &Path) -> Result<Way> {
-    let poses = ["gps/ins.csv", "ins.csv"].map(|name| dir.join(name));
-    let [first, second] = &poses;
-    let path = if first.is_file() { first } else { second };
-    let text = read_text(path, MAX_TABLE_BYTES)?;
+    /// A camera of the stereo rig lies two folders below the drive.
+    const MAX_ABOVE: usize = 3;
+    let full = std::path::absolute(dir).map_err(|cause| Error::io(dir, cause))?;
+    let there = (full.ancestors().take(MAX_ABOVE))
+        .flat_map(|folder| ["gps/ins.csv", "ins.csv"].map(|name| folder.join(name)))
+        .find(|path| path.is_file());
+    let path = &there.unwrap_or_else(|| dir.join("gps/ins.csv"));
+    let text = read_table(path)?;
     let header = text.lines().next().unwrap_or_default();
     let column = |name: &str| {
         header
@@ -327,20 +347,29 @@ fn robotcar(dir: &Path) -> Result<Way> {
         let time = TimeUnit::Microseconds.time(cells.get(time)?).ok()?;
         Some((time, [number(cells, east)?, number(cells, north)?]))
     })?;
-    let images = images_below(dir, 0)?.into_iter().filter_map(|path| {
-        let time = TimeUnit::Microseconds.time(&stem_of(&path)).ok()?;
-        Some((time, relative(dir, &path)))
-    });
-    Ok(Way {
-        images: images.collect(),
-        poses,
-    })
+    let mut folders = BTreeSet::new();
+    let mut images = Vec::new();
+    for path in images_below(dir, 0)? {
+        if let Ok(time) = TimeUnit::Microseconds.time(&stem_of(&path)) {
+            images.push((time, relative(dir, &path)));
+            folders.extend(path.parent().map(|folder| relative(dir, folder)));
+        }
+    }
+    if folders.len() > 1 {
+        // They look to different sides: as visits of one place they would be different places.
+        let names: Vec<String> = folders.into_iter().collect();
+        let message = format!("these are images of several cameras: {}", names.join(", "));
+        return Err(Error::new(ErrorKind::Format, message)
+            .with_path(dir)
+            .with_help("name the folder of one of them"));
+    }
+    Ok(Way { images, poses })
 }
 
 fn tum(dir: &Path) -> Result<Way> {
     let read = |name: &str| {
         let path = dir.join(name);
-        read_text(&path, MAX_TABLE_BYTES).map(|text| (path, text))
+        read_table(&path).map(|text| (path, text))
     };
     let (path, text) = read("groundtruth.txt")?;
     let poses = rows(&path, &text, ' ', 0, |cells| {
@@ -356,14 +385,14 @@ fn tum(dir: &Path) -> Result<Way> {
 }
 
 fn euroc(dir: &Path) -> Result<Way> {
-    let dir = if dir.join("mav0").is_dir() {
-        dir.join("mav0")
-    } else {
-        dir.to_owned()
+    // The archives unpack to `mav0`, which may have been named itself.
+    let (dir, folder) = match dir.join("mav0") {
+        inner if inner.is_dir() => (inner, "mav0/cam0/data"),
+        _ => (dir.to_owned(), "cam0/data"),
     };
     let read = |name: &str| {
         let path = dir.join(name);
-        read_text(&path, MAX_TABLE_BYTES).map(|text| (path, text))
+        read_table(&path).map(|text| (path, text))
     };
     let (path, text) = read("state_groundtruth_estimate0/data.csv")?;
     let poses = rows(&path, &text, ',', 0, |cells| {
@@ -371,11 +400,6 @@ fn euroc(dir: &Path) -> Result<Way> {
         Some((time, [number(cells, 1)?, number(cells, 2)?]))
     })?;
     let (path, text) = read("cam0/data.csv")?;
-    let folder = if dir.ends_with("mav0") {
-        "mav0/cam0/data"
-    } else {
-        "cam0/data"
-    };
     let images = rows(&path, &text, ',', 0, |cells| {
         let time = TimeUnit::Nanoseconds.time(cells.first()?).ok()?;
         Some((time, format!("{folder}/{}", cells.get(1)?)))
@@ -396,9 +420,11 @@ fn rows<T>(
         .map(|(number, line)| (number + 1, line.trim()))
         .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
         .map(|(number, line)| {
-            let cells: Vec<&str> = (line.split(separator).map(str::trim))
-                .filter(|cell| separator != ' ' || !cell.is_empty())
-                .collect();
+            let cells: Vec<&str> = if separator == ' ' {
+                line.split_whitespace().collect()
+            } else {
+                line.split(separator).map(str::trim).collect()
+            };
             read(&cells).ok_or_else(|| {
                 Error::new(
                     ErrorKind::Format,

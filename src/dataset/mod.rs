@@ -32,7 +32,7 @@ pub mod synthetic;
 pub use adjusted::scale_between;
 pub use capture::exif_time;
 pub use check::{CheckOptions, CheckReport, PlaceSummary, SizeCount};
-pub use doubt::blind_doubt;
+pub use doubt::{blind_doubt, blindness};
 pub use file_image::FileImage;
 pub use lookup::{FileIdentity, Lookup};
 pub use make_index::{IndexOptions, IndexSource, MadeIndex};

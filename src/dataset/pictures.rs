@@ -229,6 +229,7 @@ impl PictureFinder {
                         if let Some(mut found) = entries_of(&index, &file, path)? {
                             for picture in &mut found {
                                 picture.found_in = Some(Arc::clone(&index));
+                                picture.broken_index.clone_from(&broken_index);
                             }
                             return Ok(found);
                         }
@@ -293,10 +294,9 @@ impl PictureFinder {
         let file = picture.source.path();
         let time = match self.find_time(picture, file.as_deref(), given) {
             Some((time, source)) => {
+                self.warn_of_index(picture, &mut warnings);
                 if source == TimeSource::Index {
                     self.warn_of_times(picture, time, file.as_deref(), is_needed, &mut warnings);
-                } else {
-                    self.warn_of_index(picture, &mut warnings);
                 }
                 Some((time, source))
             }

@@ -1,7 +1,8 @@
 //! Which columns and rows does this CSV file have?
 //!
 //! A [`Table`] has a header whose columns are all known, so that a misspelt optional column is not
-//! ignored, and remembers the line of every row for messages.
+//! ignored, and remembers the line of every row for messages. Cells are separated by commas, or all
+//! by semicolons or tabs, as the header's are.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -22,6 +23,7 @@ pub(super) struct Table {
 
 pub(super) struct Row {
     pub(super) line: u64,
+    /// As they are written, with what is around them.
     cells: Vec<String>,
 }
 
@@ -41,7 +43,8 @@ impl Table {
     ) -> Result<Self> {
         let text = read_text(path, MAX_TABLE_BYTES)?;
         let mut reader = csv::ReaderBuilder::new()
-            .trim(csv::Trim::All)
+            .trim(csv::Trim::Headers)
+            .delimiter(delimiter(&text))
             .from_reader(text.as_bytes());
         let columns: Vec<String> = reader
             .headers()
@@ -90,11 +93,15 @@ impl Table {
 
     /// The cell, or nothing where it is empty or the column is missing.
     pub(super) fn get<'a>(&self, row: &'a Row, column: &str) -> Option<&'a str> {
-        let position = self.columns.iter().position(|name| name == column)?;
-        row.cells
-            .get(position)
-            .map(String::as_str)
+        self.written(row, column)
+            .map(str::trim)
             .filter(|cell| !cell.is_empty())
+    }
+
+    /// The cell with the blanks at its ends.
+    pub(super) fn written<'a>(&self, row: &'a Row, column: &str) -> Option<&'a str> {
+        let position = self.columns.iter().position(|name| name == column)?;
+        row.cells.get(position).map(String::as_str)
     }
 
     /// The cell, which must not be empty.
@@ -158,6 +165,23 @@ pub(super) fn read_text(path: &Path, max_bytes: u64) -> Result<String> {
         Some(rest) => rest.to_owned(),
         None => text,
     })
+}
+
+/// The first line that is not empty.
+pub(super) fn header_of(text: &str) -> &str {
+    let mut lines = text.split(['\n', '\r']);
+    lines.find(|line| !line.is_empty()).unwrap_or_default()
+}
+
+/// What stands between the cells: a comma, or what spreadsheets write where commas are decimal
+/// points.
+fn delimiter(text: &str) -> u8 {
+    let header = header_of(text);
+    let is_there = |&it: &u8| header.as_bytes().contains(&it);
+    [b',', b';', b'\t']
+        .into_iter()
+        .find(is_there)
+        .unwrap_or(b',')
 }
 
 /// The line, from 1, of the byte at `offset`.

@@ -2,7 +2,7 @@
 //!
 //! [`exif_stamps`] reads the dates of a photograph's EXIF data as text, because pixels know nothing
 //! of time here; `dataset` reads them. EXIF is a TIFF directory (with one of the camera's own and
-//! one of GPS) inside JPEG, PNG, WebP or TIFF. Writers take its rules lightly, so this reader is as
+//! one of GPS) inside JPEG, PNG, WebP, TIFF or `BigTIFF`. Writers take its rules lightly, so this reader is as
 //! lenient as others are: a directory that claims more entries than there are has those that are
 //! there, an entry that points out of the file is left out, a directory that nothing follows needs
 //! not say so, and a tag counts in whichever directory it stands.
@@ -147,34 +147,46 @@ fn from_mark(block: &[u8]) -> Option<&[u8]> {
 #[derive(Clone, Copy)]
 struct Tiff<'a> {
     bytes: &'a [u8],
-    is_big: bool,
+    is_big_endian: bool,
+    /// Whether counts and offsets have eight bytes (`BigTIFF`).
+    is_wide: bool,
 }
 
 #[derive(Clone, Copy)]
 struct Entry {
     tag: u16,
     kind: u16,
-    count: u32,
+    count: u64,
     /// Where its value stands.
     at: usize,
 }
 
 impl<'a> Tiff<'a> {
     fn new(bytes: &'a [u8]) -> Option<Self> {
-        let is_big = match bytes.get(..4)? {
-            b"II*\0" => false,
-            b"MM\0*" => true,
+        let (is_big_endian, is_wide) = match bytes.get(..4)? {
+            b"II*\0" => (false, false),
+            b"MM\0*" => (true, false),
+            b"II+\0" => (false, true),
+            b"MM\0+" => (true, true),
             _ => return None,
         };
-        Some(Self { bytes, is_big })
+        Some(Self {
+            bytes,
+            is_big_endian,
+            is_wide,
+        })
     }
 
     fn stamps(&self) -> ExifStamps {
-        let main = self.long(4).map(|at| self.directory(at as usize));
-        let main = main.unwrap_or_default();
+        let main = self.offset(if self.is_wide { 8 } else { 4 });
+        let main = main.map(|at| self.directory(at)).unwrap_or_default();
         let below = |tag: u16| {
             let entry = main.iter().find(|entry| entry.tag == tag)?;
-            Some(self.directory(self.long(entry.at)? as usize))
+            let at = match entry.kind {
+                16 | 18 => self.offset(entry.at)?,
+                _ => self.long(entry.at)? as usize,
+            };
+            Some(self.directory(at))
         };
         let camera = below(EXIF_DIRECTORY).unwrap_or_default();
         let gps = below(GPS_DIRECTORY).unwrap_or_default();
@@ -208,7 +220,8 @@ impl<'a> Tiff<'a> {
     fn gps(&self, entries: &[Entry]) -> Option<String> {
         let find = |tag: u16| entries.iter().find(|entry| entry.tag == tag);
         let date = self.text(find(GPS_DATE)?)?;
-        let time = find(GPS_TIME).filter(|entry| entry.kind == 5 && entry.count >= 3)?;
+        let time =
+            find(GPS_TIME).filter(|entry| matches!(entry.kind, 5 | 10) && entry.count >= 3)?;
         let mut parts = [0.0; 3];
         for (number, part) in parts.iter_mut().enumerate() {
             let at = time.at.checked_add(8 * number)?;
@@ -232,23 +245,31 @@ impl<'a> Tiff<'a> {
 
     /// The entries of the directory at `start` that are there.
     fn directory(&self, start: usize) -> Vec<Entry> {
-        let count = usize::from(self.short(start).unwrap_or_default());
+        /// No directory of a photograph has as many entries.
+        const MAX_ENTRIES: usize = 1 << 16;
+        // Bytes of the count of entries, of an entry, of a count or value in it.
+        let (head, step, wide) = if self.is_wide { (8, 20, 8) } else { (2, 12, 4) };
+        let count = if self.is_wide {
+            self.offset(start).unwrap_or_default().min(MAX_ENTRIES)
+        } else {
+            usize::from(self.short(start).unwrap_or_default())
+        };
         let entry = |number: usize| {
-            let at = start.checked_add(2 + 12 * number)?;
+            let at = start.checked_add(head + step * number)?;
             let (tag, kind) = (self.short(at)?, self.short(at + 2)?);
-            let (count, value) = (self.long(at + 4)?, self.long(at + 8)?);
+            let (count, value) = (self.offset(at + 4)? as u64, self.offset(at + 4 + wide)?);
             let size = match kind {
                 3 | 8 => 2,
                 4 | 9 | 11 | 13 => 4,
-                5 | 10 | 12 => 8,
+                5 | 10 | 12 | 16..=18 => 8,
                 _ => 1,
             };
-            let is_here = u64::from(count) * size <= 4;
+            let is_here = count.saturating_mul(size) <= wide as u64;
             Some(Entry {
                 tag,
                 kind,
                 count,
-                at: if is_here { at + 8 } else { value as usize },
+                at: if is_here { at + 4 + wide } else { value },
             })
         };
         (0..count).map_while(entry).collect()
@@ -260,7 +281,7 @@ impl<'a> Tiff<'a> {
         if !matches!(entry.kind, 1 | 2 | 7 | 129) {
             return None;
         }
-        let len = (entry.count as usize).min(MAX_TEXT_BYTES);
+        let len = entry.count.min(MAX_TEXT_BYTES as u64) as usize;
         let bytes = self.bytes.get(entry.at..)?;
         let bytes = &bytes[..len.min(bytes.len())];
         let text = bytes.split(|&byte| byte == 0).next()?;
@@ -268,9 +289,23 @@ impl<'a> Tiff<'a> {
         (!text.is_empty()).then(|| text.to_owned())
     }
 
+    /// A count or an offset.
+    fn offset(&self, at: usize) -> Option<usize> {
+        if !self.is_wide {
+            return Some(self.long(at)? as usize);
+        }
+        let bytes = *self.bytes.get(at..)?.first_chunk::<8>()?;
+        let number = if self.is_big_endian {
+            u64::from_be_bytes(bytes)
+        } else {
+            u64::from_le_bytes(bytes)
+        };
+        usize::try_from(number).ok()
+    }
+
     fn short(&self, at: usize) -> Option<u16> {
         let bytes = *self.bytes.get(at..)?.first_chunk::<2>()?;
-        Some(if self.is_big {
+        Some(if self.is_big_endian {
             u16::from_be_bytes(bytes)
         } else {
             u16::from_le_bytes(bytes)
@@ -279,7 +314,7 @@ impl<'a> Tiff<'a> {
 
     fn long(&self, at: usize) -> Option<u32> {
         let bytes = *self.bytes.get(at..)?.first_chunk::<4>()?;
-        Some(if self.is_big {
+        Some(if self.is_big_endian {
             u32::from_be_bytes(bytes)
         } else {
             u32::from_le_bytes(bytes)

@@ -87,7 +87,9 @@ impl DecodeLimits {
                     self.max_pixels
                 ),
             )
-            .with_help("shrink the image, or raise the decoding limit if you trust the file"));
+            .with_help(
+                "shrink the image, or raise the limit (--max-pixels) if you trust the file",
+            ));
         }
         Ok(())
     }
@@ -345,6 +347,12 @@ fn format_of(bytes: &[u8]) -> Result<ImageFormat> {
     if bytes.starts_with(b"II+\0") || bytes.starts_with(b"MM\0+") {
         return Ok(ImageFormat::Tiff);
     }
+    if bytes.starts_with(b"version https://git-lfs") {
+        let message = "this is a pointer of Git LFS, not the image that it stands for";
+        return Err(
+            Error::new(ErrorKind::Format, message).with_help("fetch it with `git lfs pull`")
+        );
+    }
     image::guess_format(bytes).map_err(|_| {
         Error::new(ErrorKind::Format, "not an image of a known format")
             .with_help("supported are BMP, JPEG, PNG, PNM, TIFF and WebP")
@@ -371,7 +379,7 @@ fn image_error(cause: &ImageError) -> Error {
             ErrorKind::Format,
             format!("the image needs more memory than the limit allows: {cause}"),
         )
-        .with_help("shrink the image, or raise the decoding limit if you trust the file"),
+        .with_help("shrink the image, or raise the limit (--max-pixels) if you trust the file"),
         ImageError::Unsupported(_) => Error::new(ErrorKind::Format, cause.to_string())
             .with_help("convert it to 8- or 16-bit grey or RGB PNG"),
         _ => damaged(cause),

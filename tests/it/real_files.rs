@@ -5,7 +5,9 @@
 use std::path::PathBuf;
 
 use chronotope::Time;
-use chronotope::dataset::{Dataset, FileIdentity, ImageSource, Lookup, Manifest, exif_time};
+use chronotope::dataset::{
+    Dataset, FileIdentity, ImageSource, Lookup, Manifest, ReadOptions, exif_time,
+};
 use chronotope::feature::image_file::decode_gray;
 use chronotope::feature::{DecodeLimits, GrayImage};
 use fremen::time::Zone;
@@ -166,6 +168,12 @@ fn jpeg_decoder_76_kinds_that_are_not_read_are_named_with_the_remedy() {
     }
 }
 
+#[test]
+fn scancode_toolkit_4158_a_pointer_of_git_lfs_is_named() {
+    let pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n";
+    assert!(refusal(pointer).contains("git lfs pull"));
+}
+
 /// A directory of a little-endian TIFF: entries of (tag, kind, count, value), without the pointer to
 /// the next one.
 fn directory(entries: &[(u16, u16, u32, u32)]) -> Vec<u8> {
@@ -303,6 +311,74 @@ fn immich_1095_the_satellites_or_a_zone_say_what_a_date_leaves_out() {
     assert_eq!(exif_of(&alone, Some(&prague)), nine);
 }
 
+#[test]
+fn geotag_15_hours_of_twelve_are_told_apart() {
+    let parts = |date: &str| {
+        [
+            (8, directory(&[POINTER])),
+            (100, directory(&[(0x9003, 2, 23, 300), OFFSET])),
+            texts("2024:05:02 11:00:00"),
+            (300, format!("{date}\0").into_bytes()),
+        ]
+    };
+    for (date, time) in [
+        ("2024:05:02 11:00:00 AM", "2024-05-02T09:00:00Z"),
+        ("2024:05:02 11:00:00 PM", "2024-05-02T21:00:00Z"),
+        ("2024:05:02 12:00:00 am", "2024-05-01T22:00:00Z"),
+        ("2024:05:02 12:00:00 pm", "2024-05-02T10:00:00Z"),
+    ] {
+        assert_eq!(exif_of(&parts(date), None).as_deref(), Some(time), "{date}");
+    }
+}
+
+#[test]
+fn exifr_136_the_date_of_a_big_tiff_is_read() {
+    for is_big_endian in [false, true] {
+        let n16 = |n: u16| {
+            if is_big_endian {
+                n.to_be_bytes()
+            } else {
+                n.to_le_bytes()
+            }
+        };
+        let n64 = |n: u64| {
+            if is_big_endian {
+                n.to_be_bytes()
+            } else {
+                n.to_le_bytes()
+            }
+        };
+        let entry = |tag: u16, kind: u16, count: u64, value: u64| {
+            [&n16(tag)[..], &n16(kind), &n64(count), &n64(value)].concat()
+        };
+        let mut bytes = if is_big_endian {
+            b"MM".to_vec()
+        } else {
+            b"II".to_vec()
+        };
+        bytes.extend([n16(43), n16(8), n16(0)].concat());
+        bytes.extend(n64(16));
+        bytes.extend(n64(2));
+        bytes.extend(entry(0x0132, 2, 20, 100));
+        bytes.extend(entry(0x8769, 18, 1, 64));
+        // The camera's directory: an offset that fits into its entry.
+        bytes.resize(64, 0);
+        bytes.extend(n64(1));
+        bytes.extend(entry(0x9010, 2, 7, 0));
+        bytes[84..92].copy_from_slice(b"+02:00\0\0");
+        bytes.resize(100, 0);
+        bytes.extend(b"2024:05:02 11:00:00\0");
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.tif");
+        std::fs::write(&path, bytes).expect("writable");
+        let time = exif_time(&path, None).expect("readable");
+        assert_eq!(
+            time.map(|it| it.to_string()).as_deref(),
+            Some("2024-05-02T09:00:00Z")
+        );
+    }
+}
+
 /// A folder with an index of these rows and an image for each name.
 fn dataset_of(header: &str, rows: &[&str], images: &[&str]) -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
@@ -336,6 +412,29 @@ fn labelme_49_an_entry_is_found_by_its_file_and_not_by_a_part_of_its_name() {
         Some(0),
         "it does not exist"
     );
+}
+
+#[test]
+fn dcase_2023_baseline_1_a_name_keeps_the_blanks_at_its_ends() {
+    let rows = [
+        "a,2024-05-02T09:00:00Z,\" lead.png\"",
+        "b, 2024-05-02T09:00:00Z , plain.png ",
+        "c,2024-05-02T09:00:00Z,sub/ lead.png",
+    ];
+    let images = [" lead.png", "plain.png", "sub/ lead.png"];
+    let folder = dataset_of("place, time ,path", &rows, &images);
+    let dataset = Dataset::open(folder.path()).expect("a dataset");
+    assert!(dataset.problems.is_empty(), "{:?}", dataset.problems);
+    let ids: Vec<&str> = dataset.entries.iter().map(|it| it.id.as_str()).collect();
+    assert_eq!(ids, images);
+    let named = images.map(|name| name.rsplit('/').next().unwrap_or(name).to_owned());
+    let options = ReadOptions {
+        only: Some(std::sync::Arc::new(named.into())),
+        ..ReadOptions::default()
+    };
+    let (manifest, data) = Manifest::locate(folder.path()).expect("a dataset");
+    let same = Dataset::read(&manifest, &data, &options).expect("a dataset");
+    assert_eq!(same.entries.len(), 3);
 }
 
 #[cfg(unix)]
@@ -506,8 +605,17 @@ fn pandas_10987_times_of_an_index_have_a_unit() {
         ("place,time_s,path", "1714640400"),
         ("place,time_ms,path", "1714640400000"),
         ("place,time_ns,path", "1714640400000000000"),
+        ("\n\nplace,time_ns,path", "1714640400000000000"),
+        ("place;time_ms;path", "1714640400000"),
+        ("\"place\"\ttime\tpath", "2024-05-02T09:00:00Z"),
     ] {
-        let folder = dataset_of(header, &[&format!("a,{cell},a.png")], &["a.png"]);
+        let cells = format!("a,{cell},a.png");
+        let row = match header {
+            _ if header.contains(';') => cells.replace(',', ";"),
+            _ if header.contains('\t') => cells.replace(',', "\t"),
+            _ => cells,
+        };
+        let folder = dataset_of(header, &[&row], &["a.png"]);
         let dataset = Dataset::open(folder.path()).expect(cell);
         assert_eq!(
             dataset.entries[0].time.to_string(),
@@ -538,6 +646,24 @@ fn pandas_10987_times_of_an_index_have_a_unit() {
         let error = Dataset::open(folder.path()).expect_err(cell).to_string();
         assert!(error.contains(words), "{error}");
     }
+}
+
+#[test]
+fn dencode_9_numbers_in_the_wrong_column_of_times_are_a_problem() {
+    let rows = ["a,1714640400,a.png", "a,1714726800,b.png"];
+    let images = ["a.png", "b.png"];
+    let folder = dataset_of("place,time_ms,path", &rows, &images);
+    let dataset = Dataset::open(folder.path()).expect("a dataset");
+    assert_eq!(dataset.entries.len(), 2);
+    let problem = dataset.problems[0].to_string();
+    for words in ["milliseconds", "look like seconds", "time_s"] {
+        assert!(problem.contains(words), "{problem}");
+    }
+    // A clock that began with the robot, a while ago.
+    let rows = ["a,600000,a.png", "a,1714726800,b.png"];
+    let folder = dataset_of("place,time_ms,path", &rows, &images);
+    let dataset = Dataset::open(folder.path()).expect("a dataset");
+    assert_eq!(dataset.problems, []);
 }
 
 #[test]

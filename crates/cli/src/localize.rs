@@ -11,6 +11,7 @@ use super::live::{self, Frames};
 use super::pictures::{Picture, Pictures};
 use super::warnings::{print_held, print_num_held, warn_of_time};
 use super::within::Within;
+use chronotope::dataset::blindness;
 use chronotope::error::{Error, printable};
 use chronotope::feature::{LoadOptions, load_mask};
 use chronotope::localize::{
@@ -51,9 +52,10 @@ pub(super) struct LocalizeArgs {
     /// Image files, or videos (with the cargo feature `opencv`).
     #[arg(value_name = "IMAGE", required_unless_present_any = ["camera", "print_config"])]
     images: Vec<PathBuf>,
-    /// When they were taken (a video: began), in RFC 3339 with an offset.
+    /// When they were taken (a video: began), in RFC 3339 with an offset (of --zone without one), or
+    /// a number since 1970 with its unit: 1714552200s.
     #[arg(long)]
-    time: Option<Time>,
+    time: Option<String>,
     /// A supported dataset, a manifest or a folder with one, whose file-name rule says when.
     #[arg(long, value_name = "NAME|FILE")]
     manifest: Option<String>,
@@ -126,6 +128,7 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
     let Some(path) = &args.map else {
         bail!("MAP is missing");
     };
+    let time = args.time()?;
     let (trace, results) = args.outputs(out)?;
     let mut robot = Robot::open(path, args.robot(&config)?)?;
     let is_preset = config.localize.method() == LocalizerConfig::preset(preset).method();
@@ -144,6 +147,7 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
         (false, 1) => Form::Sheet,
         (false, _) => Form::Line,
     };
+    guide.min_features = config.learn.guard().min_features();
     if args.learn || args.camera.is_some() {
         interrupt::watch()?;
     }
@@ -154,7 +158,7 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
     }
     let mut pictures = Pictures::new(
         &args.images,
-        args.time,
+        time,
         needs_time,
         args.manifest.as_deref(),
         &args.reading,
@@ -166,7 +170,7 @@ pub(super) fn run(args: &LocalizeArgs, out: &mut Output) -> Result<Outcome> {
         }
         if live::is_video(path) {
             guide.form = guide.form.for_many();
-            match live::video(path, args.time) {
+            match live::video(path, time) {
                 Ok(frames) => guide.follow(frames)?,
                 Err(error) => guide.fail(&error, path)?,
             }
@@ -229,6 +233,14 @@ impl LocalizeArgs {
             cfg = cfg.with_recorded_images();
         }
         Ok(cfg)
+    }
+
+    /// The time that was given for all images.
+    fn time(&self) -> Result<Option<Time>> {
+        let zone = self.reading.zone.as_ref();
+        let read = |text: &String| Time::parse_in(text, zone);
+        let time = self.time.as_ref().map(read).transpose();
+        Ok(time.map_err(|error| error.with_place("--time"))?)
     }
 
     fn change(&self, mut cfg: LocalizerConfig) -> Result<LocalizerConfig> {
@@ -337,6 +349,8 @@ struct Guide<'o> {
     learns: bool,
     /// How many places of the ranking are shown.
     top: usize,
+    /// With fewer features than this hardly anything can be seen.
+    min_features: usize,
     outcome: Outcome,
     within: Option<Within>,
     is_warned: bool,
@@ -355,6 +369,7 @@ impl<'o> Guide<'o> {
             adjust: Adjust::new(args.reading.load_options(), size),
             learns: args.learn,
             top: args.top,
+            min_features: 0,
             outcome: Outcome::Good,
             within: args.within,
             is_warned: false,
@@ -426,6 +441,7 @@ impl<'o> Guide<'o> {
             features = num_features,
             "localised"
         );
+        self.warn_of_blindness(picture, num_features);
         let localizer = self.robot.localizer();
         if let Some((time, _)) = picture.time
             && !self.is_warned
@@ -462,6 +478,17 @@ impl<'o> Guide<'o> {
         }
         self.say_what_was_learnt();
         Ok(())
+    }
+
+    /// Says why hardly anything can be seen, if that is so: "unknown" alone sounds like another place.
+    fn warn_of_blindness(&self, picture: &Picture, num_features: usize) {
+        if num_features < self.min_features {
+            let range = picture.image.gray_range(picture.mask.as_ref());
+            let size = picture.image.size();
+            if let Some(why) = blindness(num_features, self.min_features, range, size) {
+                note!("warning: {}: {why}", picture.name);
+            }
+        }
     }
 
     fn say_what_was_learnt(&mut self) {

@@ -19,10 +19,10 @@ use chronotope_terminal::{Outcome, Output};
 #[command(after_help = "\
 Examples:
   chronotope dataset index photos/ --from folders > photos/index.csv
-  chronotope dataset index run/ --from file-names --pattern 'cam{place}_{unix_s}'
+  chronotope dataset index run/ --from file-names --pattern '{place}_{unix_s}'
   chronotope dataset index freiburg2_desk/ --from tum --radius-m 0.5
   chronotope dataset index MH_01_easy/ --from euroc
-  chronotope dataset index 2014-05-19-13-20-57/ --from robotcar --radius-m 10")]
+  chronotope dataset index 2014-05-19-13-20-57/mono_left/ --from robotcar --radius-m 10")]
 pub(super) struct MakeIndexArgs {
     /// The folder.
     dir: PathBuf,

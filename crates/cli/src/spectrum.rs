@@ -11,7 +11,7 @@ use super::spectrum_svg::{Picture, SVG, times};
 use super::unpacked::unpacked;
 use chronotope_terminal::{Outcome, Output};
 use fremen::file::OutputFile;
-use fremen::series::{Columns, time_of_cell};
+use fremen::series::Columns;
 use fremen::spectrum::{CandidatePeriods, Component, SpectralSums};
 use fremen::time::{TimeUnit, Zone};
 use fremen::visibility::{Estimate, Order, VisibilityConfig};
@@ -85,9 +85,9 @@ pub(super) struct SpectrumArgs {
     /// The highest order of `fremen` that is tried.
     #[arg(long, default_value_t = 5)]
     max_order: usize,
-    /// Also print p at this time (may be given again).
-    #[arg(long, value_name = "TIME", value_parser = time_of_cell, allow_negative_numbers = true)]
-    predict_at: Vec<Time>,
+    /// Also print p at this time (may be given again); read as those of the file are.
+    #[arg(long, value_name = "TIME", allow_negative_numbers = true)]
+    predict_at: Vec<String>,
     /// Also draw p(t) over the data, and the spectrum over that of the sampling, into this file.
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
@@ -97,6 +97,22 @@ pub(super) struct SpectrumArgs {
 }
 
 impl SpectrumArgs {
+    /// Where the columns are, and what times mean, in the file and in the arguments.
+    fn columns(&self) -> Columns<'_> {
+        Columns {
+            time: self.time_column.as_deref(),
+            state: self.state_column.as_deref(),
+            unit: self.time_unit,
+            zone: self.zone.as_ref(),
+        }
+    }
+
+    fn predict_at(&self) -> Result<Vec<Time>> {
+        let read = |text: &String| self.columns().time_of(text);
+        let times: fremen::Result<_> = self.predict_at.iter().map(read).collect();
+        Ok(times.map_err(|error| error.with_place("--predict-at"))?)
+    }
+
     /// The moment at which clocks show this time.
     fn moment(&self, shown: Time) -> Time {
         self.zone
@@ -119,7 +135,10 @@ struct Learnt {
     model: &'static str,
     mean: f64,
     components: Vec<Component>,
-    predicted: Vec<Estimate>,
+    /// At all times that were asked for.
+    estimates: Vec<Estimate>,
+    /// Of these the ones to print, with the moments that were given.
+    predicted: Vec<(Time, Estimate)>,
 }
 
 pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
@@ -131,6 +150,7 @@ pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
         .into());
     }
     // Refused before anything is worked out.
+    let predict_at = args.predict_at()?;
     let svg = (args.svg.as_ref())
         .map(|path| OutputFile::replace(path, SVG, &[&args.file]))
         .transpose()?;
@@ -146,7 +166,7 @@ pub(super) fn run(args: &SpectrumArgs, out: &mut Output) -> Result<Outcome> {
     if args.zone.is_none() {
         note_daylight_saving(&by_clocks)?;
     }
-    analyse(args, &by_clocks, svg, out)
+    analyse(args, &by_clocks, &predict_at, svg, out)
 }
 
 /// Whether a file is a Parquet table: by its name, as Spark and pandas have it.
@@ -164,12 +184,7 @@ fn read_text(args: &SpectrumArgs) -> Result<Series> {
                 .into(),
         );
     }
-    let columns = Columns {
-        time: args.time_column.as_deref(),
-        state: args.state_column.as_deref(),
-        unit: args.time_unit,
-        zone: args.zone.as_ref(),
-    };
+    let columns = args.columns();
     let bytes = unpacked(&args.file)?;
     let series = match args.events {
         Some(step_s) => Series::parse_events(&bytes, columns, step_s),
@@ -244,6 +259,7 @@ fn note_daylight_saving(series: &Series) -> Result<()> {
 fn analyse(
     args: &SpectrumArgs,
     series: &Series,
+    predict_at: &[Time],
     svg: Option<OutputFile>,
     out: &mut Output,
 ) -> Result<Outcome> {
@@ -262,18 +278,13 @@ fn analyse(
         Some(_) => times(series.states()),
         None => Vec::new(),
     };
-    let mut at: Vec<Time> = (args.predict_at.iter())
+    let mut at: Vec<Time> = (predict_at.iter())
         .map(|&time| args.zone.as_ref().map_or(time, |zone| zone.wall(time)))
         .collect();
     at.extend(&drawn);
     let mut learnt = learn(series, &candidates, order, &at)?;
     let curves: Vec<_> = (learnt.iter_mut())
-        .map(|model| {
-            (
-                model.model,
-                model.predicted.split_off(args.predict_at.len()),
-            )
-        })
+        .map(|model| (model.model, model.estimates.split_off(predict_at.len())))
         .collect();
     if let Some(mut file) = svg {
         let picture = Picture {
@@ -286,6 +297,10 @@ fn analyse(
         file.write_all(picture.svg().as_bytes())
             .map_err(|cause| Error::io(file.path(), cause))?;
         file.finish()?;
+    }
+    for model in &mut learnt {
+        let predicted = predict_at.iter().copied().zip(model.estimates.drain(..));
+        model.predicted = predicted.collect();
     }
     if args.json {
         out.json(&as_json(args, series, latest.len(), &judged, &learnt))?;
@@ -359,7 +374,8 @@ fn learn(
         model: name,
         mean: model.mean().or(series.mean()).unwrap_or_default(),
         components: model.components(),
-        predicted: times.iter().map(|&time| model.estimate(time)).collect(),
+        estimates: times.iter().map(|&time| model.estimate(time)).collect(),
+        predicted: Vec::new(),
     };
     Ok(vec![
         learnt("natural", series.learn()?),
@@ -401,8 +417,7 @@ fn as_json(
                 "first_peak": args.moment(first_peak(component, first)).to_string(),
             })
         });
-        let predicted = args.predict_at.iter().zip(&model.predicted);
-        let predicted = predicted.map(|(time, at)| {
+        let predicted = model.predicted.iter().map(|(time, at)| {
             json!({"time": time.to_string(), "p": at.p, "low": at.low, "high": at.high})
         });
         json!({
@@ -482,7 +497,7 @@ fn show(
                 to_the_second(args.moment(first_peak(component, first)))
             ))?;
         }
-        for (time, at) in args.predict_at.iter().zip(&model.predicted) {
+        for (time, at) in &model.predicted {
             let Estimate { p, low, high } = at;
             out.line(format_args!(
                 "  p({time}) = {p:.3} (95 % interval {low:.3} to {high:.3})"

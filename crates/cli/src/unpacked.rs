@@ -24,7 +24,14 @@ pub(super) fn unpacked(path: &Path) -> Result<Vec<u8>> {
         Box::new(source)
     };
     let mut bytes = Vec::new();
-    let len = (content.by_ref().take(MAX_BYTES + 1).read_to_end(&mut bytes)).map_err(fail)?;
+    let len = (content.by_ref().take(MAX_BYTES + 1).read_to_end(&mut bytes)).map_err(|cause| {
+        if !is_packed {
+            return fail(cause);
+        }
+        Error::new(ErrorKind::Format, format!("it cannot be unpacked: {cause}"))
+            .with_path(path)
+            .with_help("copy it or pack it again")
+    })?;
     if len as u64 > MAX_BYTES {
         return Err(Error::new(
             ErrorKind::Format,

@@ -59,7 +59,7 @@ impl Config {
         let text = fremen::file::read_text(path, MAX_BYTES)
             .map_err(|error| error.with_help("--print-config shows what such a file says"))?;
         config
-            .changed_by(text.trim_start_matches('\u{feff}'))
+            .changed_by(&text)
             .map_err(|error| error.with_path(path))
     }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::collector::{Collector, outside_message};
-use crate::dataset::table::{MAX_TABLE_BYTES, Row, Table, read_text};
+use crate::dataset::table::{MAX_TABLE_BYTES, Row, Table, header_of, read_text};
 use crate::feature::Rect;
 use crate::map::{Edge, PlaceKey};
 use fremen::error::{Error, ErrorKind, Result};
@@ -27,10 +27,10 @@ const POSE: [&str; 3] = ["x", "y", "z"];
 pub(super) fn read(collector: &mut Collector<'_>, file: &str, ignore: &[String]) -> Result<()> {
     let path = collector.root.join(file);
     let text = read_text(&path, MAX_TABLE_BYTES)?;
-    let header = text.lines().next().unwrap_or_default();
+    let header = header_of(&text);
     let has = |name: &str| {
         header
-            .split(',')
+            .split([',', ';', '\t'])
             .any(|cell| cell.trim().trim_matches('"') == name)
     };
     let times = TIMES.map(|(column, _)| column);
@@ -48,11 +48,19 @@ pub(super) fn read(collector: &mut Collector<'_>, file: &str, ignore: &[String])
     let only = collector.options.only.as_deref();
     let is_wanted = |path: &str| {
         let name = path.rsplit('/').next().unwrap_or(path);
-        only.is_none_or(|only| only.contains(name))
+        only.is_none_or(|only| only.contains(name) || only.contains(name.trim()))
     };
     let required = ["place", time, "path"];
     let table = Table::read_where(&path, &required, &optional, "path", &is_wanted)?;
     let times = Times::of(&table, collector.options.zone.as_ref())?;
+    if let Some((unit, column)) = times.other_unit(&table) {
+        let message = format!(
+            "its times are read as {}, and look like {} (help: call the column {column}, if they are)",
+            times.unit.map_or("", TimeUnit::words),
+            unit.words()
+        );
+        collector.problem(file, message);
+    }
     if table.rows.is_empty() {
         return Err(Error::new(ErrorKind::Format, "the index lists no image")
             .with_path(table.path())
@@ -69,7 +77,7 @@ pub(super) fn read(collector: &mut Collector<'_>, file: &str, ignore: &[String])
     for row in &table.rows {
         let place = place(&table, row, "place")?;
         let time = times.read(&table, row)?;
-        let path = table.text(row, "path")?;
+        let path = path_of(collector.root, &table, row)?;
         let scale = match table.finite(row, "scale")? {
             Some(scale) if scale <= 0.0 => {
                 return Err(table
@@ -127,6 +135,19 @@ impl<'a> Times<'a> {
                 "remove one of them".into(),
             )),
         }
+    }
+
+    /// The unit that every number of the column looks like, if it is another one than the column's;
+    /// and the column for it.
+    ///
+    /// A clock that begins with the robot may show the same numbers, so they are learnt all the same.
+    fn other_unit(&self, table: &Table) -> Option<(TimeUnit, &'static str)> {
+        let of = |row: &Row| TimeUnit::guess(table.get(row, self.column)?.parse().ok()?);
+        let guess = of(table.rows.first()?).filter(|_| self.unit.is_some())?;
+        let is_other =
+            Some(guess) != self.unit && table.rows.iter().all(|row| of(row) == Some(guess));
+        let (column, _) = TIMES.into_iter().find(|(_, unit)| *unit == Some(guess))?;
+        is_other.then_some((guess, column))
     }
 
     fn read(&self, table: &Table, row: &Row) -> Result<Time> {
@@ -195,6 +216,14 @@ pub(super) fn read_edges(collector: &mut Collector<'_>) -> Result<()> {
         collector.edges.push(edge);
     }
     Ok(())
+}
+
+/// The image's path. Blanks around it are the table's, unless they belong to the name of a file.
+fn path_of<'a>(root: &Path, table: &Table, row: &'a Row) -> Result<&'a str> {
+    let path = table.text(row, "path")?;
+    let written = table.written(row, "path").unwrap_or(path);
+    let is_name = written != path && root.join(written).symlink_metadata().is_ok();
+    Ok(if is_name { written } else { path })
 }
 
 fn place(table: &Table, row: &Row, column: &str) -> Result<PlaceKey> {

@@ -8,6 +8,8 @@ use super::fixture::{Fixture, QUERY_TIME, png, query_time};
 fn places_and_visits_are_corrected_and_can_be_brought_back() {
     let fixture = Fixture::with_map();
     let before = fixture.digest("street.map");
+    // A slow build commits more than once.
+    let first = fixture.open("street.map").generation();
     fixture
         .succeeds("map place street.map rename place-00 gate")
         .prints(&["4 places"]);
@@ -41,7 +43,7 @@ fn places_and_visits_are_corrected_and_can_be_brought_back() {
         &["no visit begins"],
     );
     fixture.succeeds("map verify street.map");
-    fixture.succeeds("map rollback street.map --to 1");
+    fixture.succeeds(&format!("map rollback street.map --to {first}"));
     assert_eq!(fixture.digest("street.map"), before);
 }
 
@@ -129,5 +131,109 @@ fn indexes_of_other_layouts_can_be_built_from() {
     fixture.fails(
         "dataset index rooms --from file-names",
         &["pattern with {place}"],
+    );
+}
+
+#[test]
+fn orb_slam3_54_layouts_come_as_people_have_unpacked_and_named_them() {
+    let fixture = Fixture::new();
+    let make = |line: &str| {
+        let ran = fixture.run(&format!("dataset index {line}"));
+        (ran.code, ran.stdout, ran.stderr)
+    };
+    let image = |name: &str| {
+        let path = fixture.path(name);
+        fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
+        fs::write(path, png(0, query_time(), 9)).expect("writable");
+    };
+
+    // The folder that the archive unpacks to.
+    image("mav0/cam0/data/0.png");
+    fixture.write(
+        "mav0/cam0/data.csv",
+        "#timestamp [ns],filename\r\n1714640400000000000,0.png\r\n",
+    );
+    let truth = "mav0/state_groundtruth_estimate0";
+    fs::create_dir_all(fixture.path(truth)).expect("writable");
+    fixture.write(
+        format!("{truth}/data.csv"),
+        "#timestamp,x,y,z\n1714640400000000000,0,0,0\n",
+    );
+    for (dir, path) in [("mav0", ",cam0/data/0.png"), (".", ",mav0/cam0/data/0.png")] {
+        let (_, index, _) = make(&format!("{dir} --from euroc"));
+        assert!(index.contains(path), "{index}");
+    }
+
+    image("tum/rgb/0.png");
+    fixture.write("tum/groundtruth.txt", "1714640400.1\t0\t0\t0\n");
+    fixture.write("tum/rgb.txt", "1714640400.0\trgb/0.png\n");
+    let (_, index, _) = make("tum --from tum");
+    assert!(index.contains(",rgb/0.png,"), "{index}");
+    let (code, _, why) = make("mav0 --from tum");
+    assert!(
+        code == 2 && why.contains("groundtruth.txt") && why.contains("help:"),
+        "{why}"
+    );
+
+    // Cameras that look to different sides do not make visits of one place.
+    image("car/stereo/centre/1714640400000000.png");
+    image("car/mono_rear/1714640400000000.png");
+    fs::create_dir_all(fixture.path("car/gps")).expect("writable");
+    let poses = "timestamp,northing,easting\n1714640400000000,0,0\n";
+    fixture.write("car/gps/ins.csv", poses);
+    let (code, _, why) = make("car --from robotcar");
+    assert!(
+        code == 2 && why.contains("mono_rear, stereo/centre"),
+        "{why}"
+    );
+    let (_, index, _) = make("car/stereo/centre --from robotcar");
+    assert!(
+        index.contains("p0000,2024-05-02T09:00:00Z,1714640400000000.png"),
+        "{index}"
+    );
+
+    for (name, pattern, row) in [
+        (
+            "hall_1714640400",
+            "{place}_{unix_s}",
+            "hall,2024-05-02T09:00:00Z",
+        ),
+        (
+            "cam_a_1714640400",
+            "cam_{place}_{unix_s}",
+            "a,2024-05-02T09:00:00Z",
+        ),
+        (
+            "007-1714640400250",
+            "{place}-{unix_ms}",
+            "007,2024-05-02T09:00:00.25Z",
+        ),
+        (
+            "1714640400.250_yard",
+            "{unix_s}_{place}",
+            "yard,2024-05-02T09:00:00.25Z",
+        ),
+        (
+            "1714640400000000000_1",
+            "{unix_ns}_{place}",
+            "1,2024-05-02T09:00:00Z",
+        ),
+    ] {
+        image(&format!("{name}/{name}.png"));
+        let (code, index, why) = make(&format!("{name} --from file-names --pattern {pattern}"));
+        assert_eq!(code, 0, "{why}");
+        assert!(index.contains(&format!("{row},{name}.png")), "{index}");
+    }
+
+    // One file that cannot be read does not keep the others from being listed.
+    fs::create_dir_all(fixture.path("rooms/hall")).expect("writable");
+    let photo = fixture.path("rooms/hall/broken.png");
+    std::os::unix::fs::symlink("nowhere", photo).expect("writable");
+    image("rooms/hall/1714640400.png");
+    let (code, index, why) = make("rooms --from folders --pattern {unix_s}");
+    assert_eq!(code, 1, "{why}");
+    assert!(
+        index.contains("hall/1714640400.png") && why.contains("broken.png"),
+        "{index}{why}"
     );
 }

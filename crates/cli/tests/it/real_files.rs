@@ -71,6 +71,19 @@ fn clip_retrieval_321_the_index_that_was_named_wins_and_a_foreign_one_is_not_sil
 }
 
 #[test]
+fn clip_retrieval_321_a_nearer_index_that_cannot_be_read_is_not_silent() {
+    let fixture = Fixture::with_map();
+    fs::create_dir_all(fixture.path("run/day")).expect("writable");
+    fs::write(fixture.path("run/day/a.png"), png(1, query_time(), 9)).expect("writable");
+    let row = format!("place,time,path\nplace-01,{QUERY_TIME},day/a.png\n");
+    fixture.write("run/index.csv", row);
+    fixture.write("run/day/index.csv", "no index\n");
+    let ran = fixture.succeeds("localize street.map run/day/a.png");
+    ran.prints(&["from the index"]);
+    ran.notes(&["run/day/index.csv", "is not used"]);
+}
+
+#[test]
 fn rtabmap_1414_what_an_update_doubts_a_build_and_a_check_doubt_too() {
     let fixture = Fixture::new();
     let mut index = fixture.index();
@@ -105,6 +118,21 @@ fn rtabmap_1414_what_an_update_doubts_a_build_and_a_check_doubt_too() {
         &["dark, or the lens is covered", "no image could be learnt"],
     );
     assert!(!fixture.path("dark.map").exists() && !fixture.path("dark.map.part").exists());
+}
+
+#[test]
+fn rtabmap_1414_a_query_without_anything_to_see_says_so() {
+    let fixture = Fixture::with_map();
+    fixture.write("black.png", plain((320, 240), 3));
+    let ran = fixture.run(&format!(
+        "localize street.map black.png --time {QUERY_TIME}"
+    ));
+    assert_eq!(ran.code, 1, "{ran:?}");
+    ran.notes(&[
+        "warning: black.png: 0 features",
+        "the lens is covered",
+        "help:",
+    ]);
 }
 
 #[test]
@@ -284,6 +312,42 @@ fn pandas_17860_a_series_says_its_unit() {
     fixture
         .succeeds("spectrum events.csv --events 600")
         .prints(&["7 samples"]);
+}
+
+#[test]
+fn pandas_17860_times_of_arguments_are_read_as_those_of_files() {
+    let fixture = Fixture::with_map();
+    fixture
+        .succeeds("localize street.map query1.png --zone Europe/Prague --time 2023-11-15T13:00:00")
+        .prints(&["2023-11-15T12:00:00Z (given)"]);
+    fixture.fails(
+        "localize street.map query1.png --time 2023-11-15T13:00:00",
+        &["--time", "no offset", "--zone"],
+    );
+    fixture.write("ms.csv", "1714521600000,1\n1714522200000,0\n");
+    let at = "--predict-at 1714521600000";
+    fixture
+        .succeeds(&format!("spectrum ms.csv --time-unit ms {at}"))
+        .prints(&["p(2024-05-01T00:00:00Z)"]);
+    fixture.write("zone.csv", "2024-05-01T02:00:00,1\n2024-05-01T03:00:00,0\n");
+    fixture
+        .succeeds("spectrum zone.csv --zone Europe/Prague --predict-at 2024-05-02T02:00:00")
+        .prints(&["p(2024-05-02T00:00:00Z)"]);
+    fixture.fails(
+        &format!("spectrum zone.csv --zone Europe/Prague {at}"),
+        &["--predict-at", "milliseconds", "--time-unit ms"],
+    );
+}
+
+#[test]
+fn a_byte_order_mark_is_no_part_of_a_yaml_file() {
+    let fixture = Fixture::new();
+    let map = "\u{feff}image: a.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\n\
+               occupied_thresh: 0.65\nfree_thresh: 0.196\n";
+    fixture.write("a.yaml", map);
+    let cells = [b"P5\n8 8\n255\n".to_vec(), vec![254; 64]].concat();
+    fixture.write("a.pgm", cells);
+    fixture.succeeds("grid build --map a.yaml --time 2024-05-01T08:00:00Z --out a.grid");
 }
 
 #[test]

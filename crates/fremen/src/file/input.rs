@@ -91,14 +91,20 @@ pub fn read(path: impl AsRef<Path>, max_bytes: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The text of a regular file of UTF-8 that has at most `max_bytes`.
+/// The text of a regular file of UTF-8 that has at most `max_bytes`, without the byte order mark
+/// that some editors put before it.
 pub fn read_text(path: impl AsRef<Path>, max_bytes: u64) -> Result<String> {
     let path = path.as_ref();
-    String::from_utf8(read(path, max_bytes)?).map_err(|cause| {
+    let text = String::from_utf8(read(path, max_bytes)?).map_err(|cause| {
         let at = cause.utf8_error().valid_up_to();
         Error::new(ErrorKind::Format, "this is no text in UTF-8")
             .with_path(path)
             .with_place(format!("byte {at}"))
+            .with_help("save the file as UTF-8, not packed")
+    })?;
+    Ok(match text.strip_prefix('\u{feff}') {
+        Some(rest) => rest.to_owned(),
+        None => text,
     })
 }
 
@@ -148,6 +154,8 @@ mod tests {
         std::fs::write(&path, [b'a', 0xff]).expect("written");
         let error = read_text(&path, 9).expect_err("no text");
         assert_eq!(error.place(), Some("byte 1"));
+        std::fs::write(&path, "\u{feff}a").expect("written");
+        assert_eq!(read_text(&path, 9).expect("text"), "a");
     }
 
     #[cfg(unix)]

@@ -5,6 +5,7 @@
 //! since 1970 unless another unit is given, and one that looks like another unit is an error that
 //! names it, because a series read in the wrong unit has rhythms, too: wrong ones.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use super::Series;
@@ -22,6 +23,8 @@ const MAX_ROWS: usize = 4_000_000;
 /// a clock that was never set.
 const NEVER_SET_BEFORE: Time = Time::from_s(2 * 365 * 86_400);
 const RECORDED_FROM: Time = Time::from_s(631_152_000);
+/// And one after this is that of a clock that was set wrong, where most times are before.
+const RECORDED_UNTIL: Time = Time::from_s(4_102_444_800);
 
 /// Where a series' columns are, and what its times mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -35,6 +38,25 @@ pub struct Columns<'a> {
     pub unit: Option<TimeUnit>,
     /// The zone of dates without an offset.
     pub zone: Option<&'a Zone>,
+}
+
+impl Columns<'_> {
+    /// The time in a cell, or in an argument about the same series: RFC 3339, or a number that counts
+    /// what [`unit`](Self::unit) says.
+    ///
+    /// Without a unit, a number that is no moment in seconds from 1990 to 2060, but would be one in
+    /// another unit with more digits, is refused.
+    pub fn time_of(&self, cell: &str) -> Result<Time> {
+        match (cell.parse::<f64>(), self.unit) {
+            (Err(_), _) => Time::parse_in(cell, self.zone),
+            (Ok(_), Some(unit)) => unit.time(cell),
+            (Ok(_), None) => match finer_unit(cell) {
+                // One row is enough: as seconds it would be millennia away from any record.
+                Some(unit) => Err(looks_like(cell, unit)),
+                None => TimeUnit::Seconds.time(cell),
+            },
+        }
+    }
 }
 
 impl Series {
@@ -100,12 +122,18 @@ struct Row {
 /// The rows of a table with `num_columns` columns that matter: of times, and of states.
 fn rows(bytes: &[u8], columns: Columns<'_>, num_columns: usize) -> Result<Vec<Row>> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let delimiter = delimiter(bytes);
+    let text = match delimiter {
+        b' ' => Cow::Owned(squeezed(bytes)),
+        _ => Cow::Borrowed(bytes),
+    };
+    let bytes = &*text;
     let mut reader = ::csv::ReaderBuilder::new()
         .has_headers(false)
         .trim(::csv::Trim::All)
         .comment(Some(b'#'))
         .flexible(true)
-        .delimiter(delimiter(bytes))
+        .delimiter(delimiter)
         .from_reader(bytes);
     let mut at = (0, 1);
     let mut rows = Vec::new();
@@ -113,7 +141,13 @@ fn rows(bytes: &[u8], columns: Columns<'_>, num_columns: usize) -> Result<Vec<Ro
     for (number, record) in reader.records().enumerate() {
         let record = record.map_err(|cause| {
             let line = cause.position().map_or(1, ::csv::Position::line);
-            format(cause.to_string()).with_place(format!("line {line}"))
+            let error = match cause.kind() {
+                ::csv::ErrorKind::Utf8 { .. } => format("this is no text in UTF-8").with_help(
+                    "save the file as UTF-8; what is packed by anything but gzip must be unpacked",
+                ),
+                _ => format(cause.to_string()),
+            };
+            error.with_place(format!("line {line}"))
         })?;
         let line = line_of_record(bytes, &record, Some(b'#'));
         let place = |error: Error| error.with_place(format!("line {line}"));
@@ -131,23 +165,14 @@ fn rows(bytes: &[u8], columns: Columns<'_>, num_columns: usize) -> Result<Vec<Ro
         if number == 0 && (columns.time.is_some() || columns.state.is_some()) {
             return Err(place(format("there is no header to find columns by")));
         }
-        let cell = |i: usize| {
-            let missing = || {
-                let message = format!("a row has {} columns, not two", record.len());
-                place(format(message).with_help(
-                    "write a time and a state on every line; for a column of times at which \
-                     something happened say how long a step is",
-                ))
-            };
-            record.get(i).ok_or_else(missing)
-        };
+        let cell = |i: usize| record.get(i).ok_or_else(|| place(one_column(record.len())));
         let written = cell(at.0)?;
         if rows.len() == MAX_ROWS {
             let message = format!("there are more than {MAX_ROWS} rows");
             return Err(place(format(message).with_help("give a part of them")));
         }
         rows.push(Row {
-            time: time_in(written, columns).map_err(place)?,
+            time: columns.time_of(written).map_err(place)?,
             state: if num_columns == 1 {
                 Some(true)
             } else {
@@ -177,6 +202,7 @@ fn delimiter(bytes: &[u8]) -> u8 {
     }
     // A date may have a space in it.
     let is_spaced = |line: &&[u8]| {
+        let line = line.trim_ascii();
         let before = line.split(|&byte| byte == b' ').next().unwrap_or_default();
         line.contains(&b' ')
             && std::str::from_utf8(before)
@@ -187,6 +213,18 @@ fn delimiter(bytes: &[u8]) -> u8 {
     } else {
         b','
     }
+}
+
+/// The text with one space in place of several, and none at the ends of lines: columns may be
+/// aligned.
+fn squeezed(bytes: &[u8]) -> Vec<u8> {
+    let lines = bytes.split(|&byte| byte == b'\n').map(|line| {
+        let cells = line.split(u8::is_ascii_whitespace);
+        let cells: Vec<&[u8]> = cells.filter(|cell| !cell.is_empty()).collect();
+        cells.join(&b' ')
+    });
+    let lines: Vec<Vec<u8>> = lines.collect();
+    lines.join(&b'\n')
 }
 
 /// Whether this first row names columns: its time is none and has no digit, or a column has the
@@ -206,7 +244,15 @@ fn is_header(row: &::csv::StringRecord, columns: Columns<'_>) -> bool {
         .get(1)
         .is_some_and(|cell| !cell.is_empty() && state(cell).is_ok());
     row.get(0)
-        .is_none_or(|cell| time_in(cell, columns).is_err() && !has_state && !is_number(cell))
+        .is_none_or(|cell| columns.time_of(cell).is_err() && !has_state && !is_number(cell))
+}
+
+/// The error where a state is looked for in vain.
+fn one_column(num_columns: usize) -> Error {
+    format(format!("a row has {num_columns} columns, not two")).with_help(
+        "write a time and a state on every line, with a comma between; for a column of times at \
+         which something happened say how long a step is",
+    )
 }
 
 /// The places of time and state in a header.
@@ -217,10 +263,7 @@ fn named(
 ) -> Result<(usize, usize)> {
     let find = |name: Option<&str>, or: usize| match name {
         None if or < header.len() => Ok(or),
-        None => Err(
-            format(format!("a row has {} columns, not two", header.len()))
-                .with_help("write a time and a state on every line, with a comma between"),
-        ),
+        None => Err(one_column(header.len())),
         Some(name) => (header.iter().position(|cell| cell == name)).ok_or_else(|| {
             let known: Vec<&str> = header.iter().collect();
             format(format!("there is no column `{name}`"))
@@ -238,31 +281,14 @@ fn named(
 fn state(cell: &str) -> Result<Option<bool>> {
     match cell.to_ascii_lowercase().as_str() {
         "" | "nan" | "na" | "n/a" | "null" | "none" => Ok(None),
-        "0" | "0.0" | "false" => Ok(Some(false)),
-        "1" | "1.0" | "true" => Ok(Some(true)),
+        "false" => Ok(Some(false)),
+        "true" => Ok(Some(true)),
+        // Other programs write 0.000000 and 1.000e+00.
+        number if number.parse::<f64>() == Ok(0.0) => Ok(Some(false)),
+        number if number.parse::<f64>() == Ok(1.0) => Ok(Some(true)),
         _ => Err(format(format!("`{cell}` is no state"))
             .with_help("write 0 or 1, or nothing where it is not known")),
     }
-}
-
-fn time_in(cell: &str, columns: Columns<'_>) -> Result<Time> {
-    match (cell.parse::<f64>(), columns.unit) {
-        (Err(_), _) => Time::parse_in(cell, columns.zone),
-        (Ok(_), Some(unit)) => unit.time(cell),
-        (Ok(_), None) => match finer_unit(cell) {
-            // One row is enough: as seconds it would be millennia away from any record.
-            Some(unit) => Err(looks_like(cell, unit)),
-            None => TimeUnit::Seconds.time(cell),
-        },
-    }
-}
-
-/// The time in a cell of a table: RFC 3339 with an offset, or seconds since 1970.
-///
-/// A number that is no moment in seconds from 1990 to 2060, but would be one in another unit with
-/// more digits, is refused.
-pub fn time_of_cell(cell: &str) -> Result<Time> {
-    time_in(cell, Columns::default())
 }
 
 /// The unit that a number of too many digits is in.
@@ -296,12 +322,20 @@ fn check_times(rows: &[Row], unit: Option<TimeUnit>) -> Result<()> {
     };
     if middle >= RECORDED_FROM {
         // One row among good ones.
-        return match rows.iter().find(|row| row.time < NEVER_SET_BEFORE) {
+        let is_out = |row: &&Row| {
+            row.time < NEVER_SET_BEFORE || (row.time > RECORDED_UNTIL && middle < RECORDED_UNTIL)
+        };
+        return match rows.iter().find(is_out) {
             None => Ok(()),
             Some(row) => fail(
                 row,
                 match guess(row) {
                     Some(unit) => looks_like(&cell(row), unit),
+                    None if row.time > middle => Error::new(
+                        ErrorKind::Time,
+                        format!("{} is decades after the other times", row.time),
+                    )
+                    .with_help("that clock was set wrong: correct the time or remove the row"),
                     None => Error::new(
                         ErrorKind::Time,
                         format!("{} is decades before the other times", row.time),
@@ -483,6 +517,8 @@ mod tests {
             ("28575390,1", "minutes"),
             ("45413.02,1", "spreadsheet"),
             ("0,1", "never set"),
+            ("9999999999,1", "decades after"),
+            ("2286-11-20T17:46:39Z,1", "decades after"),
         ] {
             let error = parse(&format!("{good}{row}\n")).expect_err(row).to_string();
             assert!(error.contains(words) && error.contains("line 4"), "{error}");
@@ -498,6 +534,9 @@ mod tests {
             "\u{feff}time;open\n60;True\n120;FALSE\n180;NaN\n",
             "60\t1\n120\t0\n180\tNA\n",
             "60 1\n120 0\n",
+            "   60   1\n\n  120   0  \r\n",
+            "6.0e+01 1.000000000000000000e+00\n1.2e+02 0.000000000000000000e+00\n",
+            "60.000000,1.000000\n120.000000,0.000000\n",
             "60|1.0\n120|0.0\n180|null\n",
         ] {
             assert_eq!(parse(text).expect(text).states(), expected, "{text:?}");

@@ -25,6 +25,6 @@ mod csv;
 mod model;
 mod samples;
 
-pub use self::csv::{Columns, line_of_record, time_of_cell};
+pub use self::csv::{Columns, line_of_record};
 pub use model::{Anomaly, SeriesModel};
 pub use samples::Series;

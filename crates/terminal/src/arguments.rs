@@ -33,7 +33,7 @@ pub struct ConfigArgs {
 #[derive(Clone, Debug, Default, Args)]
 pub struct ModelArgs {
     /// The network of learned features, an ONNX file; a map knows its own by the file's digest. Also
-    /// looked for as DIGEST.onnx in the folder that the variable CHRONOTOPE_MODELS names.
+    /// looked for as DIGEST.onnx in the folder that the variable `CHRONOTOPE_MODELS` names.
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
 }

@@ -37,10 +37,10 @@ say "cargo fmt"
 cargo fmt --all --check
 
 say "clippy: workspace with opencv"
-cargo clippy --locked --workspace --all-targets --features opencv,parquet -- -D warnings
+cargo clippy --locked --workspace --all-targets --features opencv,parquet,onnx -- -D warnings
 
 say "feature matrix: without default features, each of them alone, default"
-for features in "" dataset trace hnsw; do
+for features in "" dataset trace hnsw onnx; do
     cargo clippy --locked -p chronotope --lib --no-default-features --features "$features" -- -D warnings
 done
 cargo clippy --locked -p chronotope --lib -- -D warnings
@@ -49,7 +49,7 @@ cargo clippy --locked -p chronotope-fleet --lib --no-default-features -- -D warn
 cargo clippy --locked -p chronotope-cli --all-targets -- -D warnings
 
 say "rustdoc"
-RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --lib --features opencv,parquet
+RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --lib --features opencv,parquet,onnx
 
 say "packages: what would be published"
 for package in fremen chronotope-store fremen-grid fremen-explore chronotope-fleet chronotope chronotope-cli; do
@@ -65,11 +65,11 @@ else
 fi
 
 say "tests: workspace with opencv, and doctests"
-cargo test --locked --workspace --features opencv,parquet </dev/null 2>&1 | tee "$log"
+cargo test --locked --workspace --features opencv,parquet,onnx </dev/null 2>&1 | tee "$log"
 
 for kernel in $(other_kernels); do
     say "tests of matching and localising with kernel $kernel"
-    CHRONOTOPE_KERNEL=$kernel cargo test --locked --workspace --features opencv,parquet --lib --test it \
+    CHRONOTOPE_KERNEL=$kernel cargo test --locked --workspace --features opencv,parquet,onnx --lib --test it \
         -- simd matching localize learn </dev/null
 done
 

@@ -91,6 +91,8 @@
 //!   maps. A robot whose driver hands it frames does without.
 //! - `hnsw` (by default): candidates of a large map by a graph of place signatures.
 //! - `trace` (by default): one line of JSON for each localisation, with pictures, for dashboards.
+//! - `onnx`: features of a layer of a neural network, which the user brings
+//!   ([`feature::OnnxConfig`]).
 //! - `opencv`: camera and video input, keypoints of ORB, FAST and AGAST. Needs OpenCV 4 and
 //!   libclang.
 //!

@@ -35,7 +35,7 @@ use rayon::prelude::*;
 
 use crate::dataset::{Clock, Dataset, Entry, Manifest, Problem, ReadOptions, blind_doubt};
 use crate::feature::{
-    Extractor, ExtractorConfig, Features, GrayImage, LoadOptions, StarBriefConfig,
+    Extractor, ExtractorConfig, Features, GrayImage, LoadOptions, Models, StarBriefConfig,
 };
 use crate::learn::{Circumstances, ClockPolicy, Judge, LearnConfig, Learnt, Observation, Recipe};
 use crate::localize::Preset;
@@ -52,6 +52,8 @@ const IMAGES_PER_THREAD: usize = 8;
 pub struct TrainingConfig {
     preset: Preset,
     learn: LearnConfig,
+    extractor: Option<ExtractorConfig>,
+    models: Models,
     reading: ReadOptions,
     adjustment: LoadOptions,
     commit_interval: Duration,
@@ -71,11 +73,29 @@ impl TrainingConfig {
         Self {
             preset,
             learn,
+            extractor: None,
+            models: Models::from_env(),
             reading: ReadOptions::default(),
             adjustment: LoadOptions::default(),
             commit_interval: Duration::from_secs(1),
             num_threads: None,
         }
+    }
+
+    /// A new map has the features of this extractor; by default those of the reference recipe, as
+    /// many as are learnt of a visit. A map that is updated keeps its own.
+    #[must_use]
+    pub fn with_extractor(mut self, extractor: Option<ExtractorConfig>) -> Self {
+        self.extractor = extractor;
+        self
+    }
+
+    /// Where the network of learned features is looked for; by default in the folder that the
+    /// environment names ([`Models::from_env`]).
+    #[must_use]
+    pub fn with_models(mut self, models: Models) -> Self {
+        self.models = models;
+        self
     }
 
     /// Reads the folder so; its zone becomes that of a new map, in the place of the manifest's.
@@ -234,10 +254,11 @@ impl Training {
         let dataset = dataset.adjusted(&cfg.adjustment);
         let judges = cfg.learn.guard().judge() == Judge::Updates;
         let learn = cfg.learn.clone().for_building();
-        let extractor = ExtractorConfig::StarBrief(
-            StarBriefConfig::default().with_num_features(learn.features_per_visit()),
-        )
-        .build()?;
+        let extractor = cfg.extractor.clone().unwrap_or_else(|| {
+            let num_features = learn.features_per_visit();
+            ExtractorConfig::StarBrief(StarBriefConfig::default().with_num_features(num_features))
+        });
+        let extractor = extractor.build_with(&cfg.models)?;
         let text = toml::to_string(&learn)
             .map_err(|cause| Error::new(ErrorKind::Config, cause.to_string()))?;
         let seed = [
@@ -288,7 +309,7 @@ impl Training {
             learn = learn.with_guard(guard);
         }
         let extractor = ExtractorConfig::from_id(&map.snapshot().meta().extractor)
-            .and_then(|extractor| extractor.build())
+            .and_then(|extractor| extractor.build_with(&cfg.models))
             .map_err(|error| error.with_path(map.path()).with_place("extractor"))?;
         let mut training = Self::with(map, extractor, learn, dataset, cfg)?;
         training.set_aside(None);

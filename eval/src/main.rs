@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, ensure};
 use chronotope::Time;
+use chronotope::feature::{ExtractorConfig, Models};
 use chronotope_eval::explore;
 use chronotope_eval::grid;
 use chronotope_eval::judge::pooled::{POOLED_SUITES, compare_pooled};
@@ -158,11 +159,35 @@ impl SuiteArgs {
     }
 }
 
+/// What finds the features of the images.
+#[derive(clap::Args)]
+struct FeatureArgs {
+    /// Another extractor than the shipped recipe, with what differs from its defaults; values are
+    /// JSON. Suites of images run with its features alone, and `compare` pairs such a run with one
+    /// without; `speed` times it as well.
+    #[arg(long, value_name = "KIND:NAME=VALUE,...")]
+    extractor: Option<ExtractorConfig>,
+    /// The network of the kind `onnx` (with the cargo feature `onnx`), an ONNX file.
+    #[arg(long, value_name = "FILE", requires = "extractor")]
+    model: Option<PathBuf>,
+}
+
+impl FeatureArgs {
+    fn models(&self) -> Models {
+        match &self.model {
+            Some(file) => Models::from_env().with_file(file),
+            None => Models::from_env(),
+        }
+    }
+}
+
 /// What is run.
 #[derive(clap::Args)]
 struct RunArgs {
     #[command(flatten)]
     suite: SuiteArgs,
+    #[command(flatten)]
+    features: FeatureArgs,
     /// Where results are written.
     #[arg(long, default_value = "target/eval")]
     out: PathBuf,
@@ -188,6 +213,8 @@ struct RunArgs {
 struct ReplayArgs {
     #[command(flatten)]
     suite: SuiteArgs,
+    #[command(flatten)]
+    features: FeatureArgs,
     /// Where extracted features are kept from run to run.
     #[arg(long, default_value = "target/eval/cache")]
     cache: PathBuf,
@@ -221,6 +248,8 @@ struct SpeedArgs {
     /// A Python with OpenCV (contrib) and FAISS; `make speed` makes one.
     #[arg(long)]
     python: Option<PathBuf>,
+    #[command(flatten)]
+    features: FeatureArgs,
     /// Only temporal models next to the papers' sums written plainly.
     #[arg(long)]
     only_temporal: bool,
@@ -335,6 +364,8 @@ fn run_command(args: RunArgs) -> Result<()> {
         out: args.out,
         share: args.share,
         worlds: args.worlds,
+        models: args.features.models(),
+        extractor: args.features.extractor,
         command: command_line(),
     };
     run_suite(&suite, &options, args.n, &args.replays)
@@ -349,6 +380,8 @@ fn replay_command(args: ReplayArgs) -> Result<()> {
     let options = RunOptions {
         data,
         cache: args.cache,
+        models: args.features.models(),
+        extractor: args.features.extractor,
         command: command_line(),
         ..RunOptions::default()
     };
@@ -376,6 +409,8 @@ fn speed_command(args: SpeedArgs) -> Result<()> {
         rows: args.rows,
         max_hnsw_rows: args.max_hnsw_rows,
         python: args.python,
+        models: args.features.models(),
+        extractor: args.features.extractor,
         only_temporal: args.only_temporal,
         out: args.out,
         command: command_to_keep(args.record.as_deref()),

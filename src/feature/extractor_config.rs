@@ -2,19 +2,19 @@
 //!
 //! [`ExtractorConfig`] is what configuration files hold, and what an extractor's
 //! [`id`](super::Extractor::id) spells: `KIND:NAME=VALUE,...` with every parameter, names
-//! ascending. [`ExtractorConfig::from_id`] reads it back, so that a map can make the extractor of
-//! its features.
+//! ascending, values as JSON. [`ExtractorConfig::from_id`] reads it back, so that a map can make the
+//! extractor of its features.
 
 use std::fmt::Write as _;
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::StarBriefConfig;
+use super::{OnnxConfig, StarBriefConfig};
 use fremen::error::{Error, ErrorKind, Result};
 
 /// An extractor and its parameters; `kind` names it in files.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum ExtractorConfig {
@@ -26,6 +26,8 @@ pub enum ExtractorConfig {
     FastBrief(CornerBriefConfig),
     /// AGAST corners with our BRIEF; needs the feature `opencv`.
     AgastBrief(CornerBriefConfig),
+    /// Cells of a layer of a neural network; needs the feature `onnx`.
+    Onnx(OnnxConfig),
 }
 
 impl Default for ExtractorConfig {
@@ -107,18 +109,30 @@ impl ExtractorConfig {
                 ErrorKind::Config,
                 format!("`{id}` names no extractor: {cause}"),
             )
-            .with_help("write KIND or KIND:NAME=VALUE,..., such as star-brief:num_features=300")
+            .with_help(
+                "write KIND or KIND:NAME=VALUE,..., such as star-brief:num_features=300, with text in \
+                 double quotes",
+            )
         };
         let (kind, parameters) = id.split_once(':').unwrap_or((id, ""));
         let mut fields = Map::from_iter([("kind".to_owned(), Value::from(kind))]);
-        for parameter in parameters.split(',').filter(|text| !text.is_empty()) {
-            let (name, value) = parameter
-                .split_once('=')
-                .ok_or_else(|| bad("a parameter has no value"))?;
-            let value = serde_json::from_str(value).map_err(|cause| bad(&cause.to_string()))?;
-            if fields.insert(name.to_owned(), value).is_some() {
+        let mut rest = parameters;
+        while !rest.is_empty() {
+            let without_value = || bad("a parameter has no value");
+            let (name, values) = rest.split_once('=').ok_or_else(without_value)?;
+            // Where a value ends only JSON says: strings and lists may hold commas.
+            let mut value = serde_json::Deserializer::from_str(values).into_iter::<Value>();
+            let read = value.next().ok_or_else(without_value)?;
+            let read = read.map_err(|cause| bad(&cause.to_string()))?;
+            if fields.insert(name.to_owned(), read).is_some() {
                 return Err(bad("a parameter is given twice"));
             }
+            let behind = &values[value.byte_offset()..];
+            rest = match behind.strip_prefix(',') {
+                Some(rest) => rest,
+                None if behind.is_empty() => "",
+                None => return Err(bad("a comma stands between parameters")),
+            };
         }
         serde_json::from_value(Value::Object(fields)).map_err(|cause| bad(&cause.to_string()))
     }
@@ -168,6 +182,38 @@ mod tests {
     }
 
     #[test]
+    fn an_id_may_hold_names_and_lists() {
+        let digest = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        let config = OnnxConfig::new(digest.parse().expect("a digest"), "block 4, \"add\"=0")
+            .with_normalization(vec![0.5], vec![0.25]);
+        let config = ExtractorConfig::Onnx(config);
+        assert_eq!(
+            config.id(),
+            format!(
+                "onnx:height=320,layer=\"block 4, \\\"add\\\"=0\",mean=[0.5],model=\"{digest}\",\
+                 num_bits=128,num_features=600,smooth_cells=3,std=[0.25],suppress_cells=1,width=448"
+            )
+        );
+        assert_eq!(
+            ExtractorConfig::from_id(&config.id()).expect("own id"),
+            config
+        );
+        assert_eq!(
+            ExtractorConfig::from_id("onnx").expect("a kind"),
+            ExtractorConfig::Onnx(OnnxConfig::default())
+        );
+    }
+
+    #[cfg(not(feature = "onnx"))]
+    #[test]
+    fn without_the_feature_a_network_is_refused_with_a_remedy() {
+        let config = ExtractorConfig::Onnx(OnnxConfig::default());
+        let error = config.build().err().expect("this build has none");
+        assert_eq!(error.kind(), ErrorKind::Config);
+        assert!(error.to_string().contains("--features onnx"), "{error}");
+    }
+
+    #[test]
     fn what_is_no_extractor_is_refused_with_a_remedy() {
         for bad in [
             "",
@@ -178,6 +224,10 @@ mod tests {
             "star-brief:size=45",
             "star-brief:kind=1",
             "star-brief:max_size=45,max_size=45",
+            "star-brief:max_size=45 num_features=9",
+            "star-brief:max_size=",
+            "onnx:layer=relu",
+            "onnx:model=\"ba78\"",
         ] {
             let error = ExtractorConfig::from_id(bad).expect_err(bad);
             assert_eq!(error.kind(), ErrorKind::Config);

@@ -17,6 +17,7 @@ mod gray;
 #[cfg(feature = "dataset")]
 pub mod image_file;
 mod luma;
+mod onnx;
 #[cfg(feature = "opencv")]
 pub mod opencv_input;
 #[cfg(feature = "opencv")]
@@ -40,6 +41,9 @@ pub use gray::{GrayImage, GrayView, Rect};
 pub use image_file::{
     DecodeLimits, LoadOptions, decode_gray, encoded_size, load_gray, load_mask, picture_size,
 };
+#[cfg(feature = "onnx")]
+pub use onnx::OnnxExtractor;
+pub use onnx::{Model, ModelDigest, Models, OnnxConfig};
 pub use star_brief::StarBrief;
 pub use star_brief_config::StarBriefConfig;
 pub use transform::{PixelDigest, Rotation, mask_from_rects};

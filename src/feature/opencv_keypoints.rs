@@ -32,11 +32,13 @@ impl CornerBrief {
     /// [`AgastBrief`](ExtractorConfig::AgastBrief); another kind is a [`ErrorKind::Config`] error.
     pub fn new(config: ExtractorConfig) -> Result<Self> {
         match config {
-            ExtractorConfig::StarBrief(_) => Err(Error::new(
+            ExtractorConfig::OrbBrief(_)
+            | ExtractorConfig::FastBrief(_)
+            | ExtractorConfig::AgastBrief(_) => Ok(Self { config }),
+            other => Err(Error::new(
                 ErrorKind::Config,
-                "star-brief is no corner detector",
+                format!("`{other}` is no corner detector"),
             )),
-            config => Ok(Self { config }),
         }
     }
 
@@ -50,7 +52,7 @@ impl CornerBrief {
             None => Mat::default(),
         };
         let num_features = match &self.config {
-            ExtractorConfig::StarBrief(_) => 0,
+            ExtractorConfig::StarBrief(_) | ExtractorConfig::Onnx(_) => 0,
             ExtractorConfig::FastBrief(config) => {
                 FastFeatureDetector::create(
                     i32::from(config.threshold()),

@@ -25,12 +25,17 @@ pub(super) fn check_mask(image: GrayView<'_>, mask: Option<&GrayImage>) -> Resul
 
 /// Drops keypoints whose nearest pixel is zero in `mask`.
 pub(super) fn drop_masked(keypoints: &mut Vec<Keypoint>, mask: Option<&GrayImage>) {
-    if let Some(mask) = mask {
-        keypoints.retain(|keypoint| {
-            let (x, y) = ((keypoint.x + 0.5) as usize, (keypoint.y + 0.5) as usize);
-            x < mask.width() && y < mask.height() && mask.row(y)[x] != 0
-        });
+    if mask.is_some() {
+        keypoints.retain(|keypoint| is_shown(keypoint, mask));
     }
+}
+
+/// Whether the pixel that a keypoint is nearest to is not zero in `mask`.
+pub(super) fn is_shown(keypoint: &Keypoint, mask: Option<&GrayImage>) -> bool {
+    mask.is_none_or(|mask| {
+        let (x, y) = ((keypoint.x + 0.5) as usize, (keypoint.y + 0.5) as usize);
+        x < mask.width() && y < mask.height() && mask.row(y)[x] != 0
+    })
 }
 
 /// Sorts by response (descending), then `y`, then `x`.

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::feature::GrayImage;
+use crate::feature::{GrayImage, Models};
 use crate::learn::LearnConfig;
 use crate::localize::{IndexCache, LocalizerConfig, MotionConfig};
 
@@ -25,6 +25,7 @@ pub(super) enum Place {
 pub struct RobotConfig {
     pub(super) localize: LocalizerConfig,
     pub(super) index_cache: IndexCache,
+    pub(super) models: Models,
     pub(super) motion: Option<MotionConfig>,
     pub(super) mask: Option<GrayImage>,
     pub(super) learn: Option<LearnConfig>,
@@ -38,6 +39,7 @@ impl Default for RobotConfig {
         Self {
             localize: LocalizerConfig::default(),
             index_cache: IndexCache::default(),
+            models: Models::from_env(),
             motion: None,
             mask: None,
             learn: None,
@@ -61,6 +63,14 @@ impl RobotConfig {
     #[must_use]
     pub fn with_index_cache(mut self, index_cache: IndexCache) -> Self {
         self.index_cache = index_cache;
+        self
+    }
+
+    /// Where the network of a map of learned features is looked for; by default in the folder that
+    /// the environment names ([`Models::from_env`]).
+    #[must_use]
+    pub fn with_models(mut self, models: Models) -> Self {
+        self.models = models;
         self
     }
 

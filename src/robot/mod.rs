@@ -171,7 +171,7 @@ impl std::fmt::Debug for Robot {
 impl Robot {
     /// Opens a map; its extractor finds the features of every image.
     ///
-    /// Fails as [`Localizer::open_with`] does, and with [`ErrorKind::Config`] if the robot shall
+    /// Fails as [`Localizer::open_with`] and [`ExtractorConfig::build_with`] do, and with [`ErrorKind::Config`] if the robot shall
     /// learn but the map may not be written or the recipe cannot learn image by image, or if it
     /// shall track but places are not ranked by likelihood.
     pub fn open(path: impl AsRef<Path>, cfg: RobotConfig) -> Result<Self> {
@@ -191,7 +191,7 @@ impl Robot {
             }
         };
         let extractor = ExtractorConfig::from_id(&localizer.snapshot().meta().extractor)
-            .and_then(|extractor| extractor.build())
+            .and_then(|extractor| extractor.build_with(&cfg.models))
             .map_err(|error| error.with_path(path).with_place("extractor"))?;
         let tracker = match cfg.motion {
             Some(_) if localizer.cfg().score() != Score::Likelihood => {

@@ -8,6 +8,8 @@ mod exchange;
 #[cfg(unix)]
 mod faulty_disk;
 mod feature;
+#[cfg(feature = "onnx")]
+mod feature_onnx;
 #[cfg(feature = "opencv")]
 mod feature_opencv;
 mod files;
@@ -25,6 +27,8 @@ mod real_files;
 mod robot;
 mod source_text;
 mod synthetic;
+#[cfg(feature = "onnx")]
+mod tiny_network;
 mod tracking;
 mod training;
 mod untrusted;

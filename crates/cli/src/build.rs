@@ -12,11 +12,12 @@ use clap::{Args, ValueEnum};
 use super::progress::Progress;
 use super::warnings::{print_held, print_num_held};
 use chronotope::dataset::Clock;
+use chronotope::feature::ExtractorConfig;
 use chronotope::learn::{KeepAppearances, LearnConfig};
 use chronotope::localize::Preset;
 use chronotope::map::{Map, Snapshot};
 use chronotope::training::{Step, Training, TrainingConfig};
-use chronotope_terminal::arguments::{ConfigArgs, named};
+use chronotope_terminal::arguments::{ConfigArgs, ModelArgs, named};
 use chronotope_terminal::config::Config;
 use chronotope_terminal::output::contents;
 use chronotope_terminal::reading::ReadingArgs;
@@ -36,7 +37,8 @@ Examples:
   chronotope map build --data photos/ --out street.map
   chronotope map build --data datasets/stromovka.toml --out park.map --preset lttl
   chronotope map build --print-config > numbers.toml
-  chronotope map build --data photos/ --out street.map --config numbers.toml --keep-appearances all")]
+  chronotope map build --data photos/ --out street.map --config numbers.toml --keep-appearances all
+  chronotope map build --data photos/ --out street.map --model eye.onnx --extractor 'onnx:layer=\"relu9\"'")]
 pub(super) struct BuildArgs {
     /// A folder with an index.csv (or in a known layout), or a manifest (*.toml).
     #[arg(
@@ -58,6 +60,13 @@ pub(super) struct BuildArgs {
     /// given).
     #[arg(long, value_name = "WHICH")]
     keep_appearances: Option<Keep>,
+    /// What finds the features: star-brief (default), orb-brief, fast-brief, agast-brief (with the
+    /// cargo feature `opencv`) or onnx (with the cargo feature `onnx`), with what differs from its
+    /// defaults; values are JSON.
+    #[arg(long, value_name = "KIND:NAME=VALUE,...")]
+    extractor: Option<ExtractorConfig>,
+    #[command(flatten)]
+    model: ModelArgs,
     #[command(flatten)]
     commits: CommitArgs,
     #[command(flatten)]
@@ -90,6 +99,8 @@ pub(super) struct UpdateArgs {
     /// given).
     #[arg(long, value_name = "WHICH")]
     keep_appearances: Option<Keep>,
+    #[command(flatten)]
+    model: ModelArgs,
     #[command(flatten)]
     commits: CommitArgs,
     #[command(flatten)]
@@ -139,7 +150,9 @@ pub(super) fn run(args: &BuildArgs, out: &mut Output) -> Result<Outcome> {
     };
     Map::refuse_existing(map)?;
     interrupt::watch()?;
-    let cfg = training(args.preset, config.learn, args.commits, &args.reading);
+    let cfg = training(args.preset, config.learn, args.commits, &args.reading)
+        .with_extractor(args.extractor.clone())
+        .with_models(args.model.models());
     let training = Training::to_build(data, map, &cfg)?;
     Build::new(training, map.clone()).run(out)
 }
@@ -152,7 +165,8 @@ pub(super) fn update(args: &UpdateArgs, out: &mut Output) -> Result<Outcome> {
     }
     interrupt::watch()?;
     let preset = Preset::Default;
-    let cfg = training(preset, config.learn, args.commits, &args.reading);
+    let cfg = training(preset, config.learn, args.commits, &args.reading)
+        .with_models(args.model.models());
     let training = Training::to_update(map, &args.data, &cfg)?;
     Build::new(training, args.map.clone()).run(out)
 }

@@ -23,7 +23,7 @@ use chronotope::predict::Selection;
 use chronotope::robot::{Event, Frame, Robot, RobotConfig};
 use chronotope::time::Time;
 use chronotope::trace::{Shot, Stage, TraceConfig, Tracer};
-use chronotope_terminal::arguments::{ConfigArgs, named};
+use chronotope_terminal::arguments::{ConfigArgs, ModelArgs, named};
 use chronotope_terminal::config::{Config, preset_of};
 use chronotope_terminal::reading::{Adjust, ReadingArgs};
 use chronotope_terminal::{Outcome, Output, interrupt};
@@ -109,6 +109,8 @@ pub(super) struct LocalizeArgs {
     /// The picture itself goes into every Nth line of the trace; 0: into none.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "trace")]
     trace_images: usize,
+    #[command(flatten)]
+    model: ModelArgs,
     #[command(flatten)]
     reading: ReadingArgs,
     #[command(flatten)]
@@ -210,7 +212,8 @@ impl LocalizeArgs {
         let score = config.localize.score();
         let mut cfg = RobotConfig::default()
             .with_localize(config.localize.clone())
-            .with_index_cache(self.query_form);
+            .with_index_cache(self.query_form)
+            .with_models(self.model.models());
         if let Some(mask) = &self.mask {
             cfg = cfg.with_mask(load_mask(mask, &LoadOptions::default())?);
         }

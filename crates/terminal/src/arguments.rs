@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
+use chronotope::feature::Models;
+
 /// A map of which something is shown.
 #[derive(Debug, Args)]
 pub struct ShownMap {
@@ -25,6 +27,25 @@ pub struct ConfigArgs {
     /// Print the configuration in effect as TOML and do nothing else; it can be given to --config.
     #[arg(long)]
     pub print_config: bool,
+}
+
+/// Where the network of learned features is.
+#[derive(Clone, Debug, Default, Args)]
+pub struct ModelArgs {
+    /// The network of learned features, an ONNX file; a map knows its own by the file's digest. Also
+    /// looked for as DIGEST.onnx in the folder that the variable `CHRONOTOPE_MODELS` names.
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+}
+
+impl ModelArgs {
+    /// The places to look at.
+    pub fn models(&self) -> Models {
+        match &self.model {
+            Some(file) => Models::from_env().with_file(file),
+            None => Models::from_env(),
+        }
+    }
 }
 
 /// Reads one of `names`, which are listed where another one is given.

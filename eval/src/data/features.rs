@@ -6,7 +6,9 @@
 //! the leak check.
 
 use chronotope::dataset::{Dataset, Entry, Problem};
-use chronotope::feature::{Descriptor, Extractor, Features, Keypoint, StarBrief, StarBriefConfig};
+use chronotope::feature::{
+    Descriptor, Extractor, ExtractorConfig, Features, Keypoint, StarBriefConfig,
+};
 use chronotope::learn::LearnConfig;
 use chronotope::localize::Preset;
 use chronotope::{Error, ErrorKind, Result};
@@ -210,9 +212,10 @@ fn read_one(file: &mut impl Read) -> Result<Extracted> {
     })
 }
 
-/// The extractor of every suite: as many features as the preset that learns from most of them.
-pub(crate) fn extractor() -> Result<StarBrief> {
+/// The extractor of every suite that is told no other: as many features as the preset that learns
+/// from most of them.
+pub(crate) fn extractor() -> ExtractorConfig {
     let of = |preset: &Preset| LearnConfig::preset(*preset).features_per_visit();
     let most = Preset::ALL.iter().map(of).max().unwrap_or_default();
-    StarBrief::new(StarBriefConfig::default().with_num_features(most))
+    ExtractorConfig::StarBrief(StarBriefConfig::default().with_num_features(most))
 }

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use anyhow::Result;
 use chronotope::dataset::Dataset;
+use chronotope::feature::Extractor;
 
-use super::features::{ExtractedDataset, extractor};
+use super::features::ExtractedDataset;
 use super::folds::{Fold, folds};
 use super::opened::open;
 use crate::progress::Progress;
@@ -24,26 +25,32 @@ pub(crate) fn extracted(
     suite: &Suite,
     data: Option<&Path>,
     cache: &Path,
+    extractor: &dyn Extractor,
 ) -> Result<ExtractedDataset> {
-    features(open(suite, data)?.0, cache)
+    features(open(suite, data)?.0, cache, extractor)
 }
 
-fn features(dataset: Dataset, cache: &Path) -> Result<ExtractedDataset> {
+fn features(dataset: Dataset, cache: &Path, extractor: &dyn Extractor) -> Result<ExtractedDataset> {
     let bar = Progress::new(dataset.entries.len(), "features");
     Ok(ExtractedDataset::new(
         dataset,
-        &extractor()?,
+        extractor,
         Some(cache),
         &|| bar.inc(),
     )?)
 }
 
 /// The images of a suite with their features, and its folds.
-pub(crate) fn images(suite: &Suite, data: Option<&Path>, cache: &Path) -> Result<Images> {
+pub(crate) fn images(
+    suite: &Suite,
+    data: Option<&Path>,
+    cache: &Path,
+    extractor: &dyn Extractor,
+) -> Result<Images> {
     let (dataset, split) = open(suite, data)?;
     // A split that leaves nothing fails before the long part.
     folds(suite, &dataset, split.as_ref())?;
-    let data = features(dataset, cache)?;
+    let data = features(dataset, cache, extractor)?;
     let (folds, split) = folds(suite, &data.dataset, split.as_ref())?;
     Ok(Images { data, folds, split })
 }

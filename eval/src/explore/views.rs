@@ -27,7 +27,12 @@ const SLOTS_A_DAY: usize = 48;
 
 /// What every view of the suite's images shows.
 pub(super) fn read(suite: &Suite, options: &RunOptions) -> Result<Dataset> {
-    let data = extracted(suite, options.data.as_deref(), &options.cache)?;
+    let data = extracted(
+        suite,
+        options.data.as_deref(),
+        &options.cache,
+        &*options.extractor()?,
+    )?;
     let mut digest = Sha256::new();
     for image in &data.extracted {
         digest.update(image.digest);

@@ -242,7 +242,12 @@ fn latency(results: &SuiteResults, extraction_ms: &[f64]) -> Vec<StageLatency> {
 
 /// Runs a suite of one dataset of images.
 pub(super) fn run_images(suite: &Suite, options: &RunOptions) -> Result<SuiteRun> {
-    let Images { data, folds, split } = images(suite, options.data.as_deref(), &options.cache)?;
+    let Images { data, folds, split } = images(
+        suite,
+        options.data.as_deref(),
+        &options.cache,
+        &*options.extractor()?,
+    )?;
     let mut results = SuiteResults::new(&suite.name, &data.dataset.name);
     results.dataset_sha256 = data.dataset.sha256();
     results.split = split;

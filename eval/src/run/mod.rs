@@ -39,7 +39,7 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Vec<SuiteRun>> {
                 learn: *num_learn,
                 query: *num_query,
             };
-            worlds::run_worlds(suite, &worlds)?.into()
+            worlds::run_worlds(suite, &worlds, &*options.extractor()?)?.into()
         }
         Protocol::MultiDataset {
             suites,
@@ -59,7 +59,15 @@ pub fn run(suite: &Suite, options: &RunOptions) -> Result<Vec<SuiteRun>> {
         }
         _ => vec![dataset::run_images(suite, options)?],
     };
+    let other_features = match &options.extractor {
+        Some(_) => Some(format!(
+            "features of {}, not those of the shipped recipe",
+            options.extractor()?.id()
+        )),
+        None => None,
+    };
     for SuiteRun { results, .. } in &mut all {
+        results.notes.extend(other_features.clone());
         results.judgement = judge_all(results, parts);
         results.commit = commit();
         results.machine = machine();

@@ -22,7 +22,7 @@ use super::fold::run_fold;
 use super::options::RunOptions;
 use super::tallies::{NamedQuery, Tallies};
 use crate::data::{
-    ExtractedDataset, Fold, Images, Worlds, extractor, images, photograph, prefix, split_at,
+    ExtractedDataset, Fold, Images, Worlds, images, photograph, prefix, split_at,
     without_duplicates,
 };
 use crate::judge::rates::PairedDifference;
@@ -121,6 +121,7 @@ impl MultiDataset<'_> {
 
     fn part(&self, name: &str, options: &RunOptions) -> Result<Vec<Part>> {
         let suite = Suite::find(name)?;
+        let extractor = options.extractor()?;
         let Protocol::Synthetic {
             num_learn,
             num_query,
@@ -128,7 +129,7 @@ impl MultiDataset<'_> {
         } = suite.protocol
         else {
             let Images { data, folds, .. } =
-                images(&suite, options.data.as_deref(), &options.cache)?;
+                images(&suite, options.data.as_deref(), &options.cache, &*extractor)?;
             return Ok(vec![Part {
                 prefix: name.to_owned(),
                 is_group: false,
@@ -144,7 +145,7 @@ impl MultiDataset<'_> {
         (1..=self.num_seeds)
             .map(|seed| {
                 let (dataset, split) = worlds.world(seed, true, name)?;
-                let data = ExtractedDataset::new(dataset, &extractor()?, None, &|| {})?;
+                let data = ExtractedDataset::new(dataset, &*extractor, None, &|| {})?;
                 Ok(Part {
                     prefix: format!("{name}/{}", prefix(seed)),
                     is_group: true,
@@ -309,7 +310,8 @@ mod tests {
             query: 1,
         };
         let (dataset, split) = worlds.world(1, true, "synthetic").unwrap();
-        let data = ExtractedDataset::new(dataset, &extractor().unwrap(), None, &|| {}).unwrap();
+        let extractor = RunOptions::default().extractor().unwrap();
+        let data = ExtractedDataset::new(dataset, &*extractor, None, &|| {}).unwrap();
         Part {
             prefix: "synthetic/seed 01".into(),
             is_group: true,

@@ -24,9 +24,7 @@ use chronotope::trace::{Shot, Stage, Trace, TraceConfig, Tracer};
 
 use super::fold::{learn, times};
 use super::options::RunOptions;
-use crate::data::{
-    ExtractedDataset, Fold, Images, Worlds, extractor, images, split_at, without_duplicates,
-};
+use crate::data::{ExtractedDataset, Fold, Images, Worlds, images, split_at, without_duplicates};
 use crate::progress::Progress;
 use crate::suite::{Arm, Protocol, Run, Suite, shipped};
 
@@ -37,6 +35,7 @@ pub fn replay(
     record: &mut dyn FnMut(&Trace<'_>) -> Result<()>,
 ) -> Result<usize> {
     check(suite)?;
+    let extractor = options.extractor()?;
     let (data, folds) = if let Protocol::Synthetic {
         num_learn,
         num_query,
@@ -49,11 +48,12 @@ pub fn replay(
             query: *num_query,
         };
         let (dataset, split) = worlds.world(1, true, "synthetic")?;
-        let data = ExtractedDataset::new(dataset, &extractor()?, None, &|| {})?;
+        let data = ExtractedDataset::new(dataset, &*extractor, None, &|| {})?;
         let fold = split_at(&data, split);
         (data, vec![fold])
     } else {
-        let Images { data, folds, .. } = images(suite, options.data.as_deref(), &options.cache)?;
+        let Images { data, folds, .. } =
+            images(suite, options.data.as_deref(), &options.cache, &*extractor)?;
         (data, folds)
     };
     let (arm, run) = shown(suite, &data)?;
@@ -61,7 +61,7 @@ pub fn replay(
         data: &data,
         arm,
         run,
-        extractor: extractor()?,
+        extractor,
         tracer: Tracer::new(TraceConfig::default()),
         record,
     };
@@ -136,16 +136,16 @@ fn shown<'s>(suite: &'s Suite, data: &ExtractedDataset) -> Result<(&'s Arm, Run)
     Ok((arm, run.clone()))
 }
 
-struct Replay<'a, E> {
+struct Replay<'a> {
     data: &'a ExtractedDataset,
     arm: &'a Arm,
     run: Run,
-    extractor: E,
+    extractor: Box<dyn Extractor>,
     tracer: Tracer,
     record: &'a mut dyn FnMut(&Trace<'_>) -> Result<()>,
 }
 
-impl<E: Extractor> Replay<'_, E> {
+impl Replay<'_> {
     /// Learns a fold and answers each of its queries; returns their number.
     fn fold(&mut self, fold: &Fold) -> Result<usize> {
         let dataset = &self.data.dataset;

@@ -1,12 +1,13 @@
 //! How is a synthetic suite run, with rhythms and in its control without them?
 
 use anyhow::Result;
+use chronotope::feature::Extractor;
 use chronotope::localize::Score;
 
 use super::dataset::DatasetRun;
 use super::showcase::{Shown, SuiteRun};
 use super::truth::visibility_errors;
-use crate::data::{ExtractedDataset, Worlds, extractor, prefix, split_at};
+use crate::data::{ExtractedDataset, Worlds, prefix, split_at};
 use crate::judge::rates::PairedDifference;
 use crate::progress::Progress;
 use crate::provenance::sha256;
@@ -17,9 +18,13 @@ use crate::suite::Suite;
 const COMPARED_N: u32 = 30;
 
 /// Runs a suite in its worlds and in the control, where nothing depends on time.
-pub(super) fn run_worlds(suite: &Suite, worlds: &Worlds) -> Result<[SuiteRun; 2]> {
-    let mut main = run_with(suite, worlds, true)?;
-    let mut control = run_with(suite, worlds, false)?;
+pub(super) fn run_worlds(
+    suite: &Suite,
+    worlds: &Worlds,
+    extractor: &dyn Extractor,
+) -> Result<[SuiteRun; 2]> {
+    let mut main = run_with(suite, worlds, extractor, true)?;
+    let mut control = run_with(suite, worlds, extractor, false)?;
     control.results.suite = format!("{}-control", suite.name);
     for (run, rhythms) in [(&mut main, true), (&mut control, false)] {
         run.results.visibility_errors =
@@ -37,14 +42,18 @@ pub(super) fn run_worlds(suite: &Suite, worlds: &Worlds) -> Result<[SuiteRun; 2]
     Ok([main, control])
 }
 
-fn run_with(suite: &Suite, worlds: &Worlds, rhythms: bool) -> Result<SuiteRun> {
+fn run_with(
+    suite: &Suite,
+    worlds: &Worlds,
+    extractor: &dyn Extractor,
+    rhythms: bool,
+) -> Result<SuiteRun> {
     let name = if rhythms {
         "synthetic"
     } else {
         "synthetic-control"
     };
     let mut results = SuiteResults::new(&suite.name, name);
-    let extractor = extractor()?;
     let mut run = DatasetRun::new(suite);
     let mut digest = String::new();
     // The first world, whose images the report shows.
@@ -53,7 +62,7 @@ fn run_with(suite: &Suite, worlds: &Worlds, rhythms: bool) -> Result<SuiteRun> {
     for seed in 1..=worlds.seeds {
         let (dataset, split) = worlds.world(seed, rhythms, name)?;
         digest.push_str(&dataset.sha256());
-        let data = ExtractedDataset::new(dataset, &extractor, None, &|| {})?;
+        let data = ExtractedDataset::new(dataset, extractor, None, &|| {})?;
         let fold = split_at(&data, split);
         run.add(&data, &[fold], Some(&prefix(seed)), &|| {})?;
         shown.get_or_insert(data);

@@ -1,8 +1,9 @@
-//! How long do 500 STAR keypoints and their BRIEF bits take, from grey bytes?
+//! How long do 500 STAR keypoints and their BRIEF bits take, from grey bytes? And other features?
 
 use anyhow::{Result, ensure};
 use chronotope::feature::{Extractor, Features, StarBrief, StarBriefConfig};
 use chronotope::simd::Kernel;
+use rayon::prelude::*;
 
 use super::measurement::{Measurement, time};
 use super::rivals::Python;
@@ -10,6 +11,9 @@ use super::workload::Workload;
 
 /// What the section is called; the targets look for it.
 pub(super) const SECTION: &str = "extraction, 500 features";
+
+/// The same of the extractor that the options name.
+const OTHER_SECTION: &str = "extraction by --extractor";
 
 /// Each kernel, and OpenCV where there is a Python with it, on the same grey bytes.
 pub(super) fn measure(workload: &Workload, python: Option<&Python>) -> Result<Vec<Measurement>> {
@@ -56,6 +60,34 @@ pub(super) fn measure(workload: &Workload, python: Option<&Python>) -> Result<Ve
                 .reference()
                 .note(note),
         );
+    }
+    Ok(rows)
+}
+
+/// Any extractor on the same grey bytes, for each image: one image at a time, then two at a time.
+pub(super) fn measure_other(
+    workload: &Workload,
+    extractor: &dyn Extractor,
+) -> Result<Vec<Measurement>> {
+    let Some(first) = workload.images.first() else {
+        return Ok(Vec::new());
+    };
+    let case = format!("{} x {} px", first.width(), first.height());
+    let num_images = workload.images.len() as f64;
+    let mut rows = Vec::new();
+    for num_threads in [1, 2] {
+        let pool = (rayon::ThreadPoolBuilder::new().num_threads(num_threads)).build()?;
+        let mut outcome = Ok(());
+        let ms = time(5, || {
+            outcome = pool.install(|| {
+                let images = workload.images.par_iter();
+                images.try_for_each(|image| extractor.extract(image, None).map(drop))
+            });
+        });
+        outcome?;
+        let ms: Vec<f64> = ms.iter().map(|ms| ms / num_images).collect();
+        let subject = format!("{num_threads} at a time");
+        rows.push(Measurement::new(OTHER_SECTION, &case, subject, &ms).note(extractor.id()));
     }
     Ok(rows)
 }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result};
+use chronotope::feature::{ExtractorConfig, Models};
 use serde::{Deserialize, Serialize};
 
 use crate::judge::statistics::quantile;
@@ -21,6 +22,10 @@ pub struct SpeedOptions {
     pub max_hnsw_rows: usize,
     /// A Python with OpenCV and FAISS, as `scripts/speed.sh` makes one.
     pub python: Option<PathBuf>,
+    /// Another extractor that is timed as well.
+    pub extractor: Option<ExtractorConfig>,
+    /// Where its network is, if it has one.
+    pub models: Models,
     /// Nothing but temporal models, which takes a minute.
     pub only_temporal: bool,
     /// Where `speed.json`, `speed.txt` and `growth.svg` are written.

@@ -96,6 +96,11 @@ fn of_images(options: &SpeedOptions, report: &mut SpeedReport) -> Result<()> {
     }
     let rows = extraction::measure(&workload, python.as_ref())?;
     report.measurements.extend(rows);
+    if let Some(extractor) = &options.extractor {
+        let extractor = extractor.build_with(&options.models)?;
+        let rows = extraction::measure_other(&workload, &*extractor)?;
+        report.measurements.extend(rows);
+    }
     for &num_rows in &options.rows {
         eprintln!("searching {num_rows} rows");
         search::measure(&workload, num_rows, options, python.as_ref(), report)?;

@@ -16,6 +16,7 @@ mod grid;
 mod held;
 mod inspect;
 mod killed;
+mod learned;
 mod localize;
 mod merge;
 mod nothing_lost;
@@ -25,5 +26,8 @@ mod query_form;
 mod real_files;
 mod spectrum;
 mod tables;
+#[cfg(feature = "onnx")]
+#[path = "../../../../tests/it/tiny_network.rs"]
+mod tiny_network;
 mod trace;
 mod update;

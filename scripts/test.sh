@@ -83,7 +83,7 @@ CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope") ba
 
 # Last, because rerun takes minutes: no release, no debug information (crates/dashboard/Cargo.toml), and
 # no clippy, which would go through its 400 crates a second time. The evaluation with its feature
-# `dashboard` shares them (crates/dashboard/quick.toml): half a minute.
+# `dashboard` shares most of them (crates/dashboard/quick.toml).
 say "dashboard: fmt, tests, the evaluation that records"
 dashboard_target=${CARGO_TARGET_DIR:-crates/dashboard/target}
 cargo fmt --manifest-path crates/dashboard/Cargo.toml --all --check

@@ -334,20 +334,8 @@ fn geotag_15_hours_of_twelve_are_told_apart() {
 #[test]
 fn exifr_136_the_date_of_a_big_tiff_is_read() {
     for is_big_endian in [false, true] {
-        let n16 = |n: u16| {
-            if is_big_endian {
-                n.to_be_bytes()
-            } else {
-                n.to_le_bytes()
-            }
-        };
-        let n64 = |n: u64| {
-            if is_big_endian {
-                n.to_be_bytes()
-            } else {
-                n.to_le_bytes()
-            }
-        };
+        let n16 = |n: u16| bytes_16(is_big_endian, n);
+        let n64 = |n: u64| bytes_64(is_big_endian, n);
         let entry = |tag: u16, kind: u16, count: u64, value: u64| {
             [&n16(tag)[..], &n16(kind), &n64(count), &n64(value)].concat()
         };
@@ -513,22 +501,28 @@ fn colmap_1520_an_image_of_the_same_shape_is_scaled_to_the_size_of_most() {
     assert!(report.is_clean(), "{report}");
 }
 
+/// A number as a file of this byte order has it.
+fn bytes_16(is_big_endian: bool, n: u16) -> [u8; 2] {
+    if is_big_endian {
+        n.to_be_bytes()
+    } else {
+        n.to_le_bytes()
+    }
+}
+
+/// The same of eight bytes.
+fn bytes_64(is_big_endian: bool, n: u64) -> [u8; 8] {
+    if is_big_endian {
+        n.to_be_bytes()
+    } else {
+        n.to_le_bytes()
+    }
+}
+
 /// A grey picture of 4 x 2 px, whose offsets have eight bytes.
 fn big_tiff(is_big_endian: bool) -> Vec<u8> {
-    let n16 = |n: u16| {
-        if is_big_endian {
-            n.to_be_bytes()
-        } else {
-            n.to_le_bytes()
-        }
-    };
-    let n64 = |n: u64| {
-        if is_big_endian {
-            n.to_be_bytes()
-        } else {
-            n.to_le_bytes()
-        }
-    };
+    let n16 = |n: u16| bytes_16(is_big_endian, n);
+    let n64 = |n: u64| bytes_64(is_big_endian, n);
     let mut bytes = if is_big_endian {
         b"MM".to_vec()
     } else {

@@ -56,6 +56,14 @@ impl Kind {
                 format!("the disk is full; the {noun} stays as it was"),
                 "free some space and repeat".into(),
             ),
+            Some(Code::ReadOnly) if extended == Some(rusqlite::ffi::SQLITE_READONLY_DBMOVED) => (
+                ErrorKind::Io,
+                format!(
+                    "the {noun} was moved away, deleted or replaced since it was opened; nothing is \
+                     written"
+                ),
+                format!("open the {noun} again and repeat the change"),
+            ),
             Some(Code::ReadOnly) => (
                 ErrorKind::Io,
                 "the file or its folder may not be written".into(),

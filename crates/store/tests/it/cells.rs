@@ -62,6 +62,36 @@ fn two_writers_do_not_overwrite_each_other() {
 }
 
 #[test]
+fn a_file_that_was_moved_away_or_replaced_is_not_written_to() {
+    let folder = folder();
+    let (path, aside) = (folder.path().join("a.grid"), folder.path().join("b.grid"));
+    let mut grid = Grid::create(&GRID, &path).expect("new");
+    grid.commit(&[(1, 1)]).expect("extends");
+    fs::copy(&path, &aside).expect("copied");
+    let commit_fails = |grid: &mut Grid| {
+        let error = grid.commit(&[(2, 2)]).expect_err("no longer there");
+        assert_eq!(error.kind(), ErrorKind::Io);
+        let text = error.to_string();
+        assert!(
+            text.contains("replaced since it was opened") && text.contains("open the grid again"),
+            "{text}"
+        );
+    };
+    // A copy of the very same bytes.
+    let copy = fs::read(&aside).expect("there");
+    fs::rename(&aside, &path).expect("replaced");
+    commit_fails(&mut grid);
+    assert_eq!(fs::read(&path).expect("there"), copy);
+    fs::rename(&path, &aside).expect("moved");
+    commit_fails(&mut grid);
+    assert!(!path.exists());
+    // What was meant can be done where it is now.
+    let mut moved = Grid::open(&GRID, &aside, Access::ReadWrite).expect("a grid");
+    moved.commit(&[(2, 2)]).expect("extends");
+    assert_eq!(moved.known.counts, counts(&[(1, 1), (2, 2)]));
+}
+
+#[test]
 fn what_stays_after_pruning_is_what_it_was() {
     let folder = folder();
     let path = folder.path().join("a.grid");

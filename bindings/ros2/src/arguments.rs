@@ -105,23 +105,33 @@ impl RosArguments {
         Ok(parsed)
     }
 
-    /// What a file says of this node.
+    /// What a file says of this node: `NODE: {ros__parameters: {...}}`, with wildcards in names and
+    /// namespaces as levels of their own.
+    ///
+    /// What it says of many nodes may be meant for others, as rclcpp has it, too: of that, unknown
+    /// parameters are left out.
     fn of_file(&self, text: &str) -> Result<Vec<(String, ParameterValue)>> {
         let help = "write NODE: {ros__parameters: {map: site.map}}";
         let wrong = |message: String| Error::new(ErrorKind::Format, message).with_help(help);
         let file = document(text).map_err(|cause| wrong(format!("no YAML: {cause}")))?;
-        let nodes = (file.as_hash()).ok_or_else(|| wrong("it names no node".into()))?;
+        if file.as_hash().is_none() {
+            return Err(wrong("it names no node".into()));
+        }
+        let mut tables = Vec::new();
+        tables_of(&file, "", &mut tables);
         let full = format!("{}/{}", self.namespace.trim_end_matches('/'), self.node);
         let mut found = Vec::new();
-        for (node, says) in nodes {
-            let is_meant = node.as_str().is_some_and(|name| {
-                matches!(name, "/**" | "/*") || name == self.node || name == full
-            });
-            let Some(says) = says["ros__parameters"].as_hash().filter(|_| is_meant) else {
+        for (pattern, says) in tables {
+            // A name alone is meant for the node in whatever namespace.
+            if !is_meant(&pattern, &full) && pattern.trim_start_matches('/') != self.node {
                 continue;
-            };
-            for (name, value) in says {
+            }
+            let is_for_many = pattern.contains('*');
+            for (name, value) in says.as_hash().into_iter().flatten() {
                 let name = (name.as_str()).ok_or_else(|| wrong("a name is no text".into()))?;
+                if is_for_many && Declared::find(name).is_none() {
+                    continue;
+                }
                 found.push((name.to_owned(), parameter(name, value)?));
             }
         }
@@ -151,6 +161,39 @@ impl RosArguments {
         let remapped = self.remaps.iter().find(|(from, _)| absolute(from) == full);
         remapped.map_or(full, |(_, to)| absolute(to))
     }
+}
+
+/// Namespaces within namespaces, at most.
+const MAX_LEVELS: usize = 32;
+
+/// The tables of parameters below `level`, each with the name of the node that it is for.
+fn tables_of<'a>(level: &'a Yaml, name: &str, tables: &mut Vec<(String, &'a Yaml)>) {
+    if name.matches('/').count() > MAX_LEVELS {
+        return;
+    }
+    for (key, below) in level.as_hash().into_iter().flatten() {
+        match key.as_str() {
+            Some("ros__parameters") => tables.push((name.to_owned(), below)),
+            Some(key) => tables_of(below, &format!("{name}/{}", key.trim_matches('/')), tables),
+            None => {}
+        }
+    }
+}
+
+/// Whether a node's full name fits: `*` stands for one name, `**` for any number of them.
+fn is_meant(pattern: &str, name: &str) -> bool {
+    fn fits(pattern: &[&str], name: &[&str]) -> bool {
+        match (pattern, name) {
+            ([], []) => true,
+            (["**", rest @ ..], name) => (0..=name.len()).any(|skip| fits(rest, &name[skip..])),
+            (["*", pattern @ ..], [_, name @ ..]) => fits(pattern, name),
+            ([first, pattern @ ..], [found, name @ ..]) => first == found && fits(pattern, name),
+            _ => false,
+        }
+    }
+    let pattern: Vec<&str> = pattern.split('/').filter(|it| !it.is_empty()).collect();
+    let name: Vec<&str> = name.split('/').filter(|it| !it.is_empty()).collect();
+    fits(&pattern, &name)
 }
 
 fn rule(text: &str) -> Result<(String, String)> {
@@ -247,11 +290,52 @@ mod tests {
         for wrong in [
             "",
             "[",
-            "/**:\n  ros__parameters: {mop: 1}\n",
+            "chronotope_node:\n  ros__parameters: {mop: 1}\n",
             "/**:\n  ros__parameters: {map: [1]}\n",
         ] {
             assert!(parsed.of_file(wrong).is_err(), "{wrong}");
         }
+        Ok(())
+    }
+
+    #[test]
+    fn one_file_can_serve_all_nodes_of_a_robot() -> Result<()> {
+        let parsed = parse(&["-r", "__ns:=/robot/front"])?;
+        let values = |text: &str| -> Result<Vec<String>> {
+            let found = parsed.of_file(text)?;
+            Ok(found.into_iter().map(|(name, _)| name).collect())
+        };
+        for pattern in [
+            "/**",
+            "/robot/**",
+            "/**/chronotope_node",
+            "/robot/*/chronotope_node",
+            "/*/*/*",
+            "/robot/front/chronotope_node",
+            "robot: {front: {chronotope_node",
+            "chronotope_node",
+        ] {
+            let open = pattern.matches('{').count();
+            let text = format!(
+                "{pattern}: {{ros__parameters: {{rotate: 90}}}}{}",
+                "}".repeat(open)
+            );
+            assert_eq!(values(&text)?, ["rotate"], "{text}");
+        }
+        for pattern in [
+            "/*",
+            "/robot/*",
+            "/other/chronotope_node",
+            "/**/driver",
+            "/front/**",
+        ] {
+            let text = format!("{pattern}: {{ros__parameters: {{mop: 90}}}}");
+            assert!(values(&text)?.is_empty(), "{text}");
+        }
+        // Whatever else the nodes of a robot are told.
+        let text =
+            "/**: {ros__parameters: {use_sim_time: true, frame_id: map, qos_overrides: {a: 1}}}";
+        assert_eq!(values(text)?, ["use_sim_time"]);
         Ok(())
     }
 

@@ -13,13 +13,13 @@ use std::time::SystemTime;
 use chronotope::error::{Error, ErrorKind, Result};
 use chronotope::feature::{LoadOptions, load_mask};
 use chronotope::learn::accept_held;
-use chronotope::map::{Map, MapMeta, Quarantine, VisitId};
+use chronotope::map::{Map, MapMeta, Quarantine, Stamp, VisitId};
 use chronotope::robot::{Robot, RobotConfig};
 use chronotope_terminal::config::Config;
 
 use futures::channel::mpsc::UnboundedSender;
 
-use crate::engine::{Command, Mailbox, Reply, Report, answer};
+use crate::engine::{Command, InFile, Mailbox, Reply, Report, answer};
 use crate::parameters::MapSource;
 
 /// An answer that takes several packets does not reach whoever asked: the middleware leaves out of
@@ -34,10 +34,10 @@ pub(crate) enum Task {
         begins: bool,
         reply: Option<Reply>,
     },
-    /// Look whether the file holds a newer generation than this, and open it or only say so.
+    /// Look whether the file still holds what was opened; if not, say so, and open it where that is
+    /// wanted.
     Look {
         source: MapSource,
-        generation: u64,
         opens: bool,
     },
     Held(PathBuf, Reply),
@@ -47,15 +47,32 @@ pub(crate) enum Task {
     Retire(Box<Robot>),
 }
 
-/// Starts the thread; it ends with the last sender.
+/// A map that was opened.
+pub(crate) struct Opened {
+    pub(crate) robot: Box<Robot>,
+    /// What the file held then.
+    pub(crate) stamp: Stamp,
+    /// Of fewer features an image is blind.
+    pub(crate) min_features: usize,
+}
+
+/// Starts the thread, which knows of the map that was `opened` before; it ends with the last sender.
 pub(crate) fn start(
     mailbox: Mailbox,
     reports: UnboundedSender<Report>,
+    opened: Option<Stamp>,
 ) -> Result<(Sender<Task>, JoinHandle<()>)> {
     let (tasks, inbox) = channel();
+    let mut clerk = Clerk {
+        mailbox,
+        reports,
+        opened,
+        seen: None,
+        failure: None,
+    };
     let thread = std::thread::Builder::new()
         .name("chronotope-clerk".into())
-        .spawn(move || Clerk::new(mailbox, reports).run(&inbox))
+        .spawn(move || clerk.run(&inbox))
         .map_err(|cause| {
             Error::new(ErrorKind::Io, format!("no thread to open maps: {cause}")).with_source(cause)
         })?;
@@ -65,13 +82,16 @@ pub(crate) fn start(
 /// Opens a map as the parameters say.
 ///
 /// Fails if none is named or it cannot be opened.
-pub(crate) fn open(source: &MapSource) -> Result<Box<Robot>> {
+pub(crate) fn open(source: &MapSource) -> Result<Opened> {
     if source.map.as_os_str().is_empty() {
         return Err(Error::new(ErrorKind::Config, "no map is named")
             .with_place("parameter map")
             .with_help("start it with --ros-args -p map:=site.map, or set the parameter"));
     }
+    // Before the map: what is committed meanwhile is seen to be newer.
+    let stamp = Stamp::read(&source.map)?;
     let config = Config::read_for(&MapMeta::read(&source.map)?, source.config.as_deref())?;
+    let min_features = config.learn.guard().min_features();
     let mut localize = config.localize.clone();
     if let Some(risk) = source.risk {
         localize = localize.with_risk(risk);
@@ -86,25 +106,29 @@ pub(crate) fn open(source: &MapSource) -> Result<Box<Robot>> {
     if source.learns {
         cfg = cfg.with_learning(config.learn_within_budget(&source.map)?);
     }
-    Robot::open(&source.map, cfg).map(Box::new)
+    let robot = Robot::open(&source.map, cfg).map(Box::new)?;
+    Ok(Opened {
+        robot,
+        stamp,
+        min_features,
+    })
 }
+
+/// By what a file shows from outside that it was written to, or that another took its place.
+type Outside = (PathBuf, SystemTime, u64);
 
 struct Clerk {
     mailbox: Mailbox,
     reports: UnboundedSender<Report>,
-    /// Of the file that was looked at last.
-    seen: Option<(PathBuf, SystemTime, u64)>,
+    /// What the file held from which the map that answers was opened.
+    opened: Option<Stamp>,
+    /// What was found when the file was looked at last.
+    seen: Option<(Outside, Stamp)>,
+    /// Why the file could not be opened when it was tried last.
+    failure: Option<String>,
 }
 
 impl Clerk {
-    fn new(mailbox: Mailbox, reports: UnboundedSender<Report>) -> Self {
-        Self {
-            mailbox,
-            reports,
-            seen: None,
-        }
-    }
-
     fn run(&mut self, tasks: &Receiver<Task>) {
         for task in tasks {
             match task {
@@ -113,11 +137,7 @@ impl Clerk {
                     begins,
                     reply,
                 } => self.open(&source, begins, reply),
-                Task::Look {
-                    source,
-                    generation,
-                    opens,
-                } => self.look(&source, generation, opens),
+                Task::Look { source, opens } => self.look(&source, opens),
                 Task::Held(map, reply) => answer(Some(reply), in_words(held(&map))),
                 Task::Accept(source, ids, reply) => {
                     let done = accept(&source, &ids);
@@ -137,13 +157,9 @@ impl Clerk {
         }
     }
 
-    fn open(&self, source: &MapSource, begins: bool, reply: Option<Reply>) {
+    fn open(&mut self, source: &MapSource, begins: bool, reply: Option<Reply>) {
         match open(source) {
-            Ok(robot) => self.mailbox.tell(Command::TakeOver {
-                robot,
-                begins,
-                reply,
-            }),
+            Ok(opened) => self.hand_over(opened, begins, reply),
             Err(error) => {
                 // The robot goes on with what it has.
                 if reply.is_none() {
@@ -154,27 +170,57 @@ impl Clerk {
         }
     }
 
-    fn look(&mut self, source: &MapSource, generation: u64, opens: bool) {
-        let Ok(found) = std::fs::metadata(&source.map) else {
-            return;
+    fn hand_over(&mut self, opened: Opened, begins: bool, reply: Option<Reply>) {
+        (self.opened, self.failure) = (Some(opened.stamp), None);
+        self.mailbox.tell(Command::TakeOver {
+            opened,
+            begins,
+            reply,
+        });
+    }
+
+    fn look(&mut self, source: &MapSource, opens: bool) {
+        let found = match self.found_in(&source.map) {
+            Ok(found) => found,
+            // Somebody writes to it: it is looked at again.
+            Err(error) if error.kind() == ErrorKind::Conflict => return,
+            Err(error) => {
+                self.report(Report::InFile(InFile::Nothing(error.to_string())));
+                return;
+            }
         };
-        let modified = found.modified().unwrap_or(SystemTime::UNIX_EPOCH);
-        let seen = (source.map.clone(), modified, found.len());
-        if self.seen.as_ref() == Some(&seen) {
+        if self.opened == Some(found) {
+            self.report(Report::InFile(InFile::Same));
             return;
         }
-        // While somebody writes to it, it is looked at again.
-        let Ok(map) = Map::open_read_only(&source.map) else {
+        self.report(Report::InFile(InFile::Other(found.generation)));
+        if !opens {
             return;
-        };
-        self.seen = Some(seen);
-        let newest = map.snapshot().generation();
-        if newest > generation {
-            self.report(Report::Newer(newest));
-            if opens {
-                self.open(source, false, None);
+        }
+        match open(source) {
+            Ok(opened) => self.hand_over(opened, false, None),
+            // It is tried again and again, and told once.
+            Err(error) => {
+                let failure = error.to_string();
+                if self.failure.as_ref() != Some(&failure) {
+                    self.report(Report::Warning(failure.clone()));
+                }
+                self.failure = Some(failure);
             }
         }
+    }
+
+    /// What the file holds now.
+    fn found_in(&mut self, map: &Path) -> Result<Stamp> {
+        let found = std::fs::metadata(map).map_err(|cause| Error::io(map, cause))?;
+        let modified = found.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+        let outside = (map.to_owned(), modified, found.len());
+        if let Some((_, stamp)) = self.seen.as_ref().filter(|it| it.0 == outside) {
+            return Ok(*stamp);
+        }
+        let stamp = Stamp::read(map)?;
+        self.seen = Some((outside, stamp));
+        Ok(stamp)
     }
 
     fn report(&self, report: Report) {
@@ -182,16 +228,18 @@ impl Clerk {
         let _ = self.reports.unbounded_send(report);
     }
 
-    /// The robot goes on with the map as it was just changed.
-    fn show(&self, source: &MapSource, done: Result<String>, reply: Reply) {
-        let done = done.and_then(|done| {
-            let robot = open(source)?;
-            self.mailbox.tell(Command::TakeOver {
-                robot,
-                begins: false,
-                reply: None,
-            });
-            Ok(done)
+    /// The robot goes on with the map as it was just changed; where that cannot be opened the change
+    /// stands all the same.
+    fn show(&mut self, source: &MapSource, done: Result<String>, reply: Reply) {
+        let done = done.map(|done| match open(source) {
+            Ok(opened) => {
+                self.hand_over(opened, false, None);
+                done
+            }
+            Err(error) => {
+                self.report(Report::Warning(error.to_string()));
+                format!("{done}; the node goes on without, as the map cannot be opened: {error}")
+            }
         });
         answer(Some(reply), in_words(done));
     }
@@ -262,7 +310,9 @@ mod tests {
     #[test]
     fn a_node_without_a_map_says_how_to_name_one() {
         let source = Settings::read(|_| None).source;
-        let error = open(&source).expect_err("no map").to_string();
+        let error = open(&source)
+            .err()
+            .map_or_else(String::new, |it| it.to_string());
         assert!(error.contains("map:="), "{error}");
     }
 }

@@ -1,4 +1,4 @@
-//! Is everything well with the camera, the clock, the map and what is learnt?
+//! Is everything well with the camera, the clock, the map, what is learnt and who listens?
 //!
 //! One `diagnostic_msgs/msg/DiagnosticArray` a second. Each line says what is wrong and what helps;
 //! what has changed since is also logged.
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use chronotope::time::Time;
 
-use crate::engine::{Answered, LearningState, MapState};
+use crate::engine::{Answered, InFile, LearningState, MapState};
 use crate::lifecycle::State;
 use crate::messages::{DiagnosticArray, DiagnosticStatus, Header, KeyValue, Stamp};
 use crate::parameters::Settings;
@@ -26,6 +26,16 @@ const FLAT: u8 = 12;
 const MAX_WANDER_S: f64 = 2.0;
 /// A jump of the clock is told for so long.
 const JUMP_SHOWN: Duration = Duration::from_secs(10);
+/// A simulation whose clock says nothing for so long stands still, or has ended.
+const CLOCK_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Somebody who cannot be understood, or cannot understand.
+#[derive(Clone, Debug)]
+pub(crate) struct Mismatch {
+    /// Whether that is why no image comes.
+    pub(crate) is_of_camera: bool,
+    pub(crate) why: String,
+}
 
 /// What is known of the last seconds.
 pub(crate) struct Health {
@@ -40,8 +50,8 @@ pub(crate) struct Health {
     num_images: u64,
     num_answers: u64,
     num_dropped: u64,
-    /// Who cannot be understood, by what identifies them, and why.
-    pub(crate) mismatches: BTreeMap<String, String>,
+    /// By what identifies the other side.
+    pub(crate) mismatches: BTreeMap<String, Mismatch>,
     pub(crate) map: MapState,
     pub(crate) learning: LearningState,
     /// When the clock of a simulation was heard last.
@@ -139,6 +149,7 @@ impl Health {
                     self.learning_state(settings),
                     self.learning_values(),
                 ),
+                self.status("topics", self.topics(), Vec::new()),
             ],
         }
     }
@@ -170,9 +181,8 @@ impl Health {
             return (OK, message);
         }
         let silence = self.silence(now);
-        if !self.mismatches.is_empty() {
-            let whys: Vec<&str> = self.mismatches.values().map(String::as_str).collect();
-            return (ERROR, whys.join("; "));
+        if let Some(whys) = self.mismatched(true) {
+            return (ERROR, whys);
         }
         if silence > settings.camera_timeout {
             let message = match self.last_image {
@@ -211,6 +221,21 @@ impl Health {
         (OK, "images come".into())
     }
 
+    /// Why others than the camera cannot be heard, or cannot hear.
+    fn topics(&self) -> (u8, String) {
+        match self.mismatched(false) {
+            Some(whys) => (WARN, whys),
+            None => (OK, "everybody can be understood".into()),
+        }
+    }
+
+    /// Why nobody is understood on the camera's topic, or on the others.
+    fn mismatched(&self, is_of_camera: bool) -> Option<String> {
+        let of_it = (self.mismatches.values()).filter(|it| it.is_of_camera == is_of_camera);
+        let whys: Vec<&str> = of_it.map(|it| it.why.as_str()).collect();
+        (!whys.is_empty()).then(|| whys.join("; "))
+    }
+
     fn camera_values(&self) -> Vec<(&'static str, String)> {
         let mut values = vec![
             ("images", self.num_images.to_string()),
@@ -228,11 +253,19 @@ impl Health {
     }
 
     fn clock(&self, settings: &Settings, now: Instant) -> (u8, String) {
-        if settings.uses_sim_time && self.last_clock.is_none() {
-            return (
-                ERROR,
-                "use_sim_time is set, but nobody publishes /clock".into(),
-            );
+        if settings.uses_sim_time {
+            let Some(last) = self.last_clock else {
+                let message = "use_sim_time is set, but nobody publishes /clock";
+                return (ERROR, message.into());
+            };
+            let silence = now.saturating_duration_since(last);
+            if silence > CLOCK_TIMEOUT {
+                let message = format!(
+                    "stands still: nothing on /clock for {:.0} s (is the simulation paused?)",
+                    silence.as_secs_f64()
+                );
+                return (WARN, message);
+            }
         }
         match self.jump {
             Some((at, by_s)) if now.duration_since(at) < JUMP_SHOWN => {
@@ -251,12 +284,25 @@ impl Health {
                 format!("the node is {}: no map is open", self.state.label()),
             );
         }
-        match map.newer {
-            Some(newer) if newer > map.generation => (
+        let outdated = |in_file: &str| {
+            let message = format!("outdated: {in_file} (call ~/reload_map)");
+            (WARN, message)
+        };
+        match &map.in_file {
+            InFile::Same => (OK, format!("generation {}", map.generation)),
+            InFile::Other(newer) if *newer > map.generation => {
+                outdated(&format!("the file is at generation {newer}"))
+            }
+            InFile::Other(other) => outdated(&format!(
+                "another map took the file's place, at generation {other}"
+            )),
+            InFile::Nothing(why) => (
                 WARN,
-                format!("outdated: the file is at generation {newer} (call ~/reload_map)"),
+                format!(
+                    "goes on with generation {}, but the file cannot be read: {why}",
+                    map.generation
+                ),
             ),
-            _ => (OK, format!("generation {}", map.generation)),
         }
     }
 
@@ -358,12 +404,53 @@ mod tests {
     #[test]
     fn whoever_cannot_be_understood_is_named() {
         let mut health = Health::new("node");
-        health
-            .mismatches
-            .insert("a".into(), "the camera offers best_effort".into());
-        let array = health.array(&settings(), Time::now());
-        assert_eq!(array.status[0].level, ERROR);
-        assert!(array.status[0].message.contains("best_effort"));
-        assert_eq!(array.status.len(), 4);
+        let levels = |health: &Health| -> Vec<u8> {
+            let array = health.array(&settings(), Time::now());
+            array.status.iter().map(|it| it.level).collect()
+        };
+        let mismatch = |is_of_camera, why: &str| Mismatch {
+            is_of_camera,
+            why: why.into(),
+        };
+        let of_log = mismatch(false, "/rosout: a subscriber gets volatile");
+        health.mismatches.insert("b".into(), of_log);
+        assert_eq!(levels(&health), [OK, OK, OK, OK, WARN]);
+        let of_camera = mismatch(true, "the camera offers best_effort");
+        health.mismatches.insert("a".into(), of_camera);
+        assert_eq!(levels(&health), [ERROR, OK, OK, OK, WARN]);
+        let (_, message) = health.camera(&settings(), Instant::now());
+        assert_eq!(message, "the camera offers best_effort");
+    }
+
+    #[test]
+    fn a_clock_that_stops_is_noticed_where_it_counts() {
+        let mut health = Health::new("node");
+        let mut settings = settings();
+        let begun = Instant::now();
+        let later = begun + Duration::from_secs(9);
+        health.last_clock = Some(begun);
+        assert_eq!(health.clock(&settings, later).0, OK);
+        settings.uses_sim_time = true;
+        assert_eq!(health.clock(&settings, begun).0, OK);
+        let (level, message) = health.clock(&settings, later);
+        assert!(level == WARN && message.contains("9 s"), "{message}");
+    }
+
+    #[test]
+    fn a_map_that_took_the_place_of_another_is_outdated_whatever_its_number() {
+        let mut health = Health::new("node");
+        health.map.path = "a.map".into();
+        health.map.generation = 7;
+        for (in_file, level, says) in [
+            (InFile::Same, OK, "generation 7"),
+            (InFile::Other(8), WARN, "is at generation 8"),
+            (InFile::Other(7), WARN, "another map"),
+            (InFile::Other(1), WARN, "another map"),
+            (InFile::Nothing("gone".into()), WARN, "gone"),
+        ] {
+            health.map.in_file = in_file;
+            let found = health.map_state();
+            assert!(found.0 == level && found.1.contains(says), "{found:?}");
+        }
     }
 }

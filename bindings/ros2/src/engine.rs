@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use chronotope::error::{Error, ErrorKind, Result};
 use chronotope::feature::{DecodeLimits, GrayImage, LoadOptions};
-use chronotope::learn::{LearnConfig, Learnt};
+use chronotope::learn::Learnt;
 use chronotope::map::{PlaceKey, Quarantine};
 use chronotope::robot::{Event, Frame, Robot};
 use chronotope::time::Time;
@@ -21,6 +21,7 @@ use chronotope_terminal::reading::Adjust;
 use futures::channel::mpsc::UnboundedSender;
 use futures::channel::oneshot;
 
+use crate::clerk::Opened;
 use crate::messages::{CompressedImage, Header, Image};
 use crate::overlay;
 use crate::parameters::Settings;
@@ -83,7 +84,7 @@ pub(crate) enum Command {
     Configure(Box<Settings>),
     /// Go on with this one; `begins`: also if there is none so far.
     TakeOver {
-        robot: Box<Robot>,
+        opened: Opened,
         begins: bool,
         reply: Option<Reply>,
     },
@@ -111,8 +112,8 @@ pub(crate) enum Report {
     Warning(String),
     Info(String),
     Map(MapState),
-    /// The file holds this generation.
-    Newer(u64),
+    /// What the file was found to hold.
+    InFile(InFile),
     Learning(LearningState),
     Ended,
 }
@@ -129,6 +130,18 @@ pub(crate) struct Answered {
     pub(crate) num_dropped: u64,
 }
 
+/// What a map's file holds, beside what was opened.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) enum InFile {
+    /// What was opened.
+    #[default]
+    Same,
+    /// Another generation, of this map or of one that took its place.
+    Other(u64),
+    /// Nothing that can be read, and why.
+    Nothing(String),
+}
+
 /// Which map answers.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MapState {
@@ -138,8 +151,7 @@ pub(crate) struct MapState {
     pub(crate) num_held: usize,
     /// Of fewer features an image is blind.
     pub(crate) min_features: usize,
-    /// A newer generation that was seen in the file.
-    pub(crate) newer: Option<u64>,
+    pub(crate) in_file: InFile,
 }
 
 /// What was learnt.
@@ -223,6 +235,8 @@ struct Lesson {
 pub(crate) struct Engine {
     /// `None` while no map is open.
     robot: Option<Box<Robot>>,
+    /// Of fewer features an image is blind.
+    min_features: usize,
     mailbox: Mailbox,
     reports: UnboundedSender<Report>,
     /// Where robots go that were replaced: to finish takes time.
@@ -244,16 +258,19 @@ pub(crate) struct Engine {
 impl Engine {
     /// Starts the thread.
     pub(crate) fn start(
-        robot: Option<Box<Robot>>,
+        opened: Option<Opened>,
         settings: Settings,
         topic: String,
         mailbox: Mailbox,
         reports: UnboundedSender<Report>,
         retire: Box<dyn Fn(Box<Robot>) + Send>,
     ) -> Result<JoinHandle<()>> {
+        let min_features = opened.as_ref().map_or(0, |it| it.min_features);
+        let robot = opened.map(|it| it.robot);
         let mut engine = Self {
             adjust: adjust(&settings, robot.as_deref()),
             robot,
+            min_features,
             mailbox,
             reports,
             retire,
@@ -303,10 +320,10 @@ impl Engine {
                 self.configure();
             }
             Command::TakeOver {
-                robot,
+                opened,
                 begins,
                 reply,
-            } => self.take_over(robot, begins, reply),
+            } => self.take_over(opened, begins, reply),
             Command::Commit(reply) => {
                 let done = self.commit().and_then(|()| {
                     let robot = self.robot.as_ref().ok_or_else(no_map)?;
@@ -352,7 +369,8 @@ impl Engine {
         }
     }
 
-    fn take_over(&mut self, robot: Box<Robot>, begins: bool, reply: Option<Reply>) {
+    fn take_over(&mut self, opened: Opened, begins: bool, reply: Option<Reply>) {
+        let robot = opened.robot;
         if self.robot.is_none() && !begins {
             (self.retire)(robot);
             answer(reply, Err(no_map().to_string()));
@@ -368,7 +386,7 @@ impl Engine {
         if let Some(retired) = self.robot.replace(robot) {
             (self.retire)(retired);
         }
-        self.generation = None;
+        (self.generation, self.min_features) = (None, opened.min_features);
         self.configure();
         self.report(Report::Info(format!("goes on with {taken}")));
         answer(reply, Ok(taken));
@@ -592,8 +610,8 @@ impl Engine {
             generation: snapshot.generation(),
             num_places: snapshot.nodes().len(),
             num_held,
-            min_features: LearnConfig::default().guard().min_features(),
-            newer: None,
+            min_features: self.min_features,
+            in_file: InFile::Same,
         };
         self.report(Report::Map(state));
     }

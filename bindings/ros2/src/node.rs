@@ -26,7 +26,7 @@ use ros2_client::{Context, Log, Node, NodeName, NodeOptions, QosProfile, Subscri
 
 use crate::arguments::RosArguments;
 use crate::clerk::{self, Task};
-use crate::diagnostics::{ERROR, Health, OK};
+use crate::diagnostics::{ERROR, Health, Mismatch, OK};
 use crate::engine::{Answered, Command, Engine, Mailbox, Pixels, Reply, Report, Shot};
 use crate::lifecycle::{LifecycleRequest, LifecycleServices, Machine, State, Transition};
 use crate::messages::{Clock, ClosestEdges, Float32, Outcome, Text};
@@ -70,7 +70,7 @@ enum Input {
 /// Fails if the map cannot be opened, a name makes no sense or the network cannot be used.
 pub(crate) fn run(names: &RosArguments) -> Result<()> {
     let settings = Settings::read(|name| names.parameter(name).cloned());
-    let (robot, state) = if settings.is_autostarted {
+    let (opened, state) = if settings.is_autostarted {
         (Some(clerk::open(&settings.source)?), State::Active)
     } else {
         (None, State::Unconfigured)
@@ -99,10 +99,11 @@ pub(crate) fn run(names: &RosArguments) -> Result<()> {
 
     let (reports, heard) = unbounded();
     let mailbox = Mailbox::default();
-    let (tasks, clerk) = clerk::start(mailbox.clone(), reports.clone())?;
+    let stamp = opened.as_ref().map(|it| it.stamp);
+    let (tasks, clerk) = clerk::start(mailbox.clone(), reports.clone(), stamp)?;
     let retire = tasks.clone();
     let engine = Engine::start(
-        robot,
+        opened,
         settings.clone(),
         names.resolve("image"),
         mailbox.clone(),
@@ -395,12 +396,8 @@ impl Running<'_> {
             Report::Failed(error) => self.fail(error.to_string()),
             Report::Warning(text) => self.log(LOG_WARN, &text),
             Report::Info(text) => self.log(LOG_INFO, &text),
-            Report::Map(map) => {
-                let newer = self.health.map.newer;
-                self.health.map = map;
-                self.health.map.newer = newer;
-            }
-            Report::Newer(generation) => self.health.map.newer = Some(generation),
+            Report::Map(map) => self.health.map = map,
+            Report::InFile(generation) => self.health.map.in_file = generation,
             Report::Learning(state) => self.health.learning = state,
             Report::Ended => {}
         }
@@ -636,7 +633,6 @@ impl Running<'_> {
         let before = std::mem::replace(&mut self.settings, settings);
         (self.mailbox).tell(Command::Configure(Box::new(self.settings.clone())));
         if before.source != self.settings.source && self.machine.state().may_have_map() {
-            self.health.map.newer = None;
             self.give(Task::Open {
                 source: self.settings.source.clone(),
                 begins: false,
@@ -682,8 +678,14 @@ impl Running<'_> {
             _ => return,
         };
         if let Some(topic) = self.ends.get(&end) {
-            let text = format!("{topic}: no QoS in common: {why}");
-            self.health.mismatches.insert(format!("{other:?}"), text);
+            let why = format!("{topic}: no QoS in common: {why}");
+            let mismatch = Mismatch {
+                is_of_camera: *topic == self.topic,
+                why,
+            };
+            self.health
+                .mismatches
+                .insert(format!("{other:?}"), mismatch);
         }
     }
 
@@ -714,7 +716,6 @@ impl Running<'_> {
         if has_map && !self.settings.source.learns && is_due(&mut self.due.look, period) {
             self.give(Task::Look {
                 source: self.settings.source.clone(),
-                generation: self.health.map.generation,
                 opens: self.settings.watch_map.is_some(),
             });
         }

@@ -337,6 +337,11 @@ class NodeTest(unittest.TestCase):
         message = self.diagnosis("camera", level=2, text="best_effort", each=send)
         self.assertIn("/image", message)
         self.assertIn("reliable", message)
+        # Who cannot hear the node is no matter of the camera's.
+        wants_all = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.robot.listen(f"{NODE}/localization", String, wants_all)
+        message = self.diagnosis("topics", level=1, text="localization", each=send)
+        self.assertIn("transient_local", message)
 
     def test_time_is_that_of_a_simulation(self) -> None:
         self.start("use_sim_time:=true", "late_s:=5.0")
@@ -436,6 +441,21 @@ class NodeTest(unittest.TestCase):
         self.assertEqual(self.robot.set("watch_map_s", 0.2), (True, ""))
         run(CHRONOTOPE, "map", "place", self.map, "rename", "porch", self.places[0])
         self.assertTrue(self.robot.wait(lambda: generation() == 3, each=send), self.node.lines[-20:])
+        # So is a map that takes the file's place, although its number is lower.
+        other = self.folder / "other.map"
+        shutil.copyfile(self.built, other)
+        other.replace(self.map)
+        self.assertTrue(self.robot.wait(lambda: generation() == 1, each=send), self.node.lines[-20:])
+        # Of a file that is gone, or is none any more, the robot keeps what it has.
+        self.map.unlink()
+        self.diagnosis("map", level=1, text="No such file", each=send)
+        self.map.write_text("not a map")
+        self.diagnosis("map", level=1, text="cannot be read", each=send)
+        shutil.copyfile(self.built, other)
+        run(CHRONOTOPE, "map", "place", other, "rename", self.places[0], "porch")
+        other.replace(self.map)
+        self.assertTrue(self.robot.wait(lambda: generation() == 2, each=send), self.node.lines[-20:])
+        self.diagnosis("map", level=0, each=send)
 
     def num_visits(self) -> int:
         shown = json.loads(run(CHRONOTOPE, "map", "inspect", self.map, "--json").stdout)

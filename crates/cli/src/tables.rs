@@ -2,7 +2,7 @@
 //!
 //! The tables say which feature was seen at which visit, and how features look: what a fleet learns from, and
 //! what a robot needs to localise itself. They do not hold the images' own features, positions and ways, what
-//! was counted, nor the map's extractor, size of images, crop and time zone; the folder of `map export` holds
+//! was counted, nor the map's size of images, crop and time zone; the folder of `map export` holds
 //! everything.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -18,8 +18,8 @@ use chronotope::map::{
 };
 use chronotope_fleet::States;
 use chronotope_fleet::table::{
-    FeatureRow, FeatureWriter, ObservationWriter, ReadConfig, SUCCESS, TableFolder, read_features,
-    read_observations, read_series,
+    FeatureRow, FeatureWriter, ObservationWriter, ReadConfig, SUCCESS, TableFolder, read_extractor,
+    read_features, read_observations, read_series,
 };
 use fremen::visibility::{BitRow, FeatureState};
 use fremen::{Series, Time};
@@ -37,7 +37,7 @@ pub(super) fn series(path: &Path, place: Option<&str>, feature: Option<u32>) -> 
 pub(super) fn export(map: &Snapshot, folder: &Path) -> Result<()> {
     let output = TableFolder::begin(folder)?;
     let mut observations = ObservationWriter::begin(output.file(OBSERVATIONS))?;
-    let mut features = FeatureWriter::begin(output.file(FEATURES))?;
+    let mut features = FeatureWriter::begin(output.file(FEATURES), &map.meta().extractor)?;
     for node in map.nodes() {
         for (at, visit) in node.visits().iter().enumerate() {
             let states = (0..node.log().seen_row(at).len()).filter_map(|feature| {
@@ -76,7 +76,18 @@ fn feature_rows(node: &Node) -> Vec<FeatureRow> {
     born.map(row).collect()
 }
 
-/// The map of a folder with both tables: features that are those of the default extractor.
+/// The identity of the extractor whose features a table holds; of one that does not say so, the default.
+fn extractor_of(features: &Path) -> Result<String> {
+    let Some(id) = read_extractor(&[features.to_owned()])? else {
+        let num_features = LearnConfig::preset(Preset::Default).features_per_visit();
+        let extractor = StarBriefConfig::default().with_num_features(num_features);
+        return Ok(ExtractorConfig::StarBrief(extractor).build()?.id());
+    };
+    ExtractorConfig::from_id(&id).map_err(|error| error.with_path(features))?;
+    Ok(id)
+}
+
+/// The map of a folder with both tables.
 pub(super) fn import(folder: &Path) -> Result<Snapshot> {
     if !folder.join(SUCCESS).exists() {
         let error = Error::new(ErrorKind::Format, format!("this folder has no {SUCCESS}"));
@@ -91,9 +102,7 @@ pub(super) fn import(folder: &Path) -> Result<Snapshot> {
     for row in read_features(&[path(FEATURES)])? {
         features.entry(row.place.clone()).or_default().push(row);
     }
-    let num_features = LearnConfig::preset(Preset::Default).features_per_visit();
-    let extractor = StarBriefConfig::default().with_num_features(num_features);
-    let extractor = ExtractorConfig::StarBrief(extractor).build()?;
+    let extractor = extractor_of(&path(FEATURES))?;
     // The same tables give the same map.
     let mut seed = String::new();
     let mut nodes = Vec::new();
@@ -121,7 +130,7 @@ pub(super) fn import(folder: &Path) -> Result<Snapshot> {
             .into());
     }
     let uuid = derived_uuid(&seed);
-    let mut snapshot = Snapshot::empty(MapMeta::new(uuid, extractor.id(), Preset::Default.name()));
+    let mut snapshot = Snapshot::empty(MapMeta::new(uuid, extractor, Preset::Default.name()));
     for node in nodes {
         snapshot.push_node(node)?;
     }

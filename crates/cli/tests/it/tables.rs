@@ -50,6 +50,7 @@ mod with_parquet {
         let (ours, again) = (fixture.open("street.map"), fixture.open("again.map"));
         assert!(statements(&ours).len() > 10_000);
         assert!(statements(&ours) == statements(&again));
+        assert_eq!(ours.meta().extractor, again.meta().extractor);
         // Again, the same tables and the same map.
         fixture.succeeds("map export again.map --parquet --out more");
         fixture.succeeds("map import more --parquet --out third.map");
@@ -61,6 +62,20 @@ mod with_parquet {
         let located =
             fixture.succeeds("localize again.map query1.png --time 2023-11-15T12:00:00Z --json");
         assert_eq!(located.lines()[0]["place"], "place-01");
+    }
+
+    #[test]
+    fn features_stay_those_of_the_maps_own_extractor() {
+        let fixture = Fixture::with_map();
+        let extractor = "star-brief:num_features=40";
+        fixture.succeeds(&format!(
+            "map build --data data --extractor {extractor} --out few.map"
+        ));
+        fixture.succeeds("map export few.map --parquet --out tables");
+        fixture.succeeds("map import tables --parquet --out again.map");
+        let (ours, again) = (fixture.open("few.map"), fixture.open("again.map"));
+        assert!(again.meta().extractor.contains("num_features=40"));
+        assert_eq!(ours.meta().extractor, again.meta().extractor);
     }
 
     #[test]

@@ -10,6 +10,8 @@ use fremen::{Error, ErrorKind, Result};
 
 /// The key of a Parquet file's metadata that says which table it is: `observations/1`.
 pub(super) const TABLE_KEY: &str = "chronotope.table";
+/// The key that says whose features a table of features holds.
+pub(super) const EXTRACTOR_KEY: &str = "chronotope.extractor";
 /// The version of all tables.
 pub(super) const VERSION: &str = "1";
 

@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use arrow_array::types::Float32Type;
 use arrow_array::{BinaryArray, Float32Array, Int32Array, StringArray};
-use fremen::Result;
+use fremen::{Error, ErrorKind, Result};
+use parquet::file::metadata::KeyValue;
 
-use super::columns::FEATURES;
+use super::columns::{EXTRACTOR_KEY, FEATURES};
 use super::reader::TableFile;
 use super::writer::{TableWriter, column};
 
@@ -35,9 +36,11 @@ pub struct FeatureRow {
 pub struct FeatureWriter(TableWriter);
 
 impl FeatureWriter {
-    /// Begins a file at a path where nothing is yet.
-    pub fn begin(path: impl AsRef<Path>) -> Result<Self> {
-        Ok(Self(TableWriter::begin(path.as_ref(), &FEATURES)?))
+    /// Begins a file at a path where nothing is yet, for features of the extractor of this identity.
+    pub fn begin(path: impl AsRef<Path>, extractor: &str) -> Result<Self> {
+        let extractor = KeyValue::new(EXTRACTOR_KEY.to_owned(), extractor.to_owned());
+        let writer = TableWriter::begin_with(path.as_ref(), &FEATURES, vec![extractor])?;
+        Ok(Self(writer))
     }
 
     /// Writes the features of one place.
@@ -77,9 +80,32 @@ impl FeatureWriter {
     }
 }
 
+/// Whose features the files hold: the identity of their extractor, if they say it.
+///
+/// Fails with [`ErrorKind::Format`] if a file is no table of features, or two files name different extractors.
+pub fn read_extractor(files: &[PathBuf]) -> Result<Option<String>> {
+    let mut known: Option<String> = None;
+    for path in files {
+        let table = TableFile::open(path, &FEATURES, &["place"])?;
+        let found = table.metadata_of(EXTRACTOR_KEY);
+        match (&known, found) {
+            (Some(known), Some(found)) if known != found => {
+                let message = format!("its features are of `{found}`, those before of `{known}`");
+                return Err(Error::new(ErrorKind::Format, message)
+                    .with_path(path)
+                    .with_place(format!("footer, key `{EXTRACTOR_KEY}`"))
+                    .with_help("features of one extractor alone can be compared"));
+            }
+            (None, Some(found)) => known = Some(found.to_owned()),
+            _ => {}
+        }
+    }
+    Ok(known)
+}
+
 /// Reads the features of files, in the order in which they lie there.
 ///
-/// Fails with [`ErrorKind::Format`](fremen::ErrorKind::Format), naming file, row group and column.
+/// Fails with [`ErrorKind::Format`], naming file, row group and column.
 pub fn read_features(files: &[PathBuf]) -> Result<Vec<FeatureRow>> {
     let names = FEATURES.columns.iter().map(|(name, _)| *name);
     let names: Vec<&str> = names.collect();

@@ -13,7 +13,7 @@ mod observations;
 mod reader;
 mod writer;
 
-pub use features::{FeatureRow, FeatureWriter, read_features};
+pub use features::{FeatureRow, FeatureWriter, read_extractor, read_features};
 pub use folder::{SUCCESS, TableFolder, files_of};
 pub use models::{ModelWriter, read_models};
 pub use observations::{ObservationWriter, ReadConfig, ReadReport, read_observations, read_series};

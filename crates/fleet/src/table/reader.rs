@@ -45,10 +45,7 @@ impl TableFile {
         // What Parquet says counts, not what a writer's Arrow had in memory.
         let plain = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
         let found = ArrowReaderMetadata::load(&file, plain).map_err(failed)?;
-        let marks = found.metadata().file_metadata().key_value_metadata();
-        let mut marks = marks.into_iter().flatten();
-        if let Some(mark) = marks.find(|it| it.key == TABLE_KEY) {
-            let mark = mark.value.as_deref().unwrap_or_default();
+        if let Some(mark) = value_of(&found, TABLE_KEY) {
             kind.check_mark(mark)
                 .map_err(|error| error.with_place(format!("footer, key `{TABLE_KEY}`")))?;
         }
@@ -79,6 +76,11 @@ impl TableFile {
 
     pub(super) fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// What the file's metadata says under a key.
+    pub(super) fn metadata_of(&self, key: &str) -> Option<&str> {
+        value_of(&self.metadata, key)
     }
 
     pub(super) fn num_row_groups(&self) -> usize {
@@ -116,6 +118,13 @@ impl TableFile {
             .with_path(&self.path)
             .with_place(format!("row group {row_group}"))
     }
+}
+
+/// What metadata says under a key; a key without a value says nothing.
+fn value_of<'a>(metadata: &'a ArrowReaderMetadata, key: &str) -> Option<&'a str> {
+    let all = metadata.metadata().file_metadata().key_value_metadata();
+    let found = all.into_iter().flatten().find(|it| it.key == key)?;
+    Some(found.value.as_deref().unwrap_or_default())
 }
 
 fn missing(kind: &TableKind, name: &str, found: &Schema) -> Error {

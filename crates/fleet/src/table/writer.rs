@@ -35,15 +35,24 @@ pub(super) struct TableWriter {
 impl TableWriter {
     /// Begins a file at a path where nothing is yet.
     pub(super) fn begin(path: &Path, kind: &'static TableKind) -> Result<Self> {
+        Self::begin_with(path, kind, Vec::new())
+    }
+
+    /// [`begin`](Self::begin), with more metadata than which table it is.
+    pub(super) fn begin_with(
+        path: &Path,
+        kind: &'static TableKind,
+        mut metadata: Vec<KeyValue>,
+    ) -> Result<Self> {
         let file = OutputFile::begin_new(path)?;
-        let mark = KeyValue::new(TABLE_KEY.to_owned(), kind.mark());
+        metadata.push(KeyValue::new(TABLE_KEY.to_owned(), kind.mark()));
         let mut properties = WriterProperties::builder()
             .set_compression(Compression::SNAPPY)
             .set_max_row_group_row_count(Some(MAX_ROWS))
             .set_dictionary_page_size_limit(DICTIONARY_BYTES)
             .set_statistics_enabled(EnabledStatistics::Chunk)
             .set_created_by(concat!("chronotope ", env!("CARGO_PKG_VERSION")).to_owned())
-            .set_key_value_metadata(Some(vec![mark]));
+            .set_key_value_metadata(Some(metadata));
         for &(name, of) in kind.columns {
             let path = ColumnPath::new(vec![name.to_owned()]);
             let repeats = matches!(

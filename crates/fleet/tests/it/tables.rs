@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use chronotope_fleet::table::{
     FeatureRow, FeatureWriter, ModelWriter, ObservationWriter, ReadConfig, TableFolder, files_of,
-    read_features, read_models, read_observations, read_series,
+    read_extractor, read_features, read_models, read_observations, read_series,
 };
 use chronotope_fleet::{FleetConfig, learn};
 use fremen::ErrorKind;
@@ -39,10 +39,26 @@ fn features_come_back_bit_for_bit() {
         })
         .collect();
     let path = folder.path().join("features.parquet");
-    let mut table = FeatureWriter::begin(&path).expect("new");
+    let mut table = FeatureWriter::begin(&path, "star-brief").expect("new");
     table.write(&rows).expect("written");
     table.finish().expect("finished");
-    assert_eq!(read_features(&[path]).expect("own table"), rows);
+    let again = read_features(std::slice::from_ref(&path));
+    assert_eq!(again.expect("own table"), rows);
+    // Whose they are stands beside them, and is the same in all files.
+    let other = folder.path().join("other.parquet");
+    let table = FeatureWriter::begin(&other, "orb").expect("new");
+    table.finish().expect("finished");
+    let found = read_extractor(&[path.clone(), path.clone()]);
+    assert_eq!(found.expect("one"), Some("star-brief".into()));
+    let error = read_extractor(&[path, other]).expect_err("two").to_string();
+    for word in [
+        "other.parquet",
+        "chronotope.extractor",
+        "`orb`",
+        "`star-brief`",
+    ] {
+        assert!(error.contains(word), "{error}");
+    }
 }
 
 #[test]

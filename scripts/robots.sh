@@ -18,6 +18,7 @@ need_python
 need_robot_tools
 
 CBINDGEN_VERSION=0.29.4
+all=bindings/Cargo.toml
 bags=bindings/mcap
 node=bindings/ros2
 library=bindings/c
@@ -28,6 +29,21 @@ export CARGO_TARGET_DIR=$target
 environment=$(mktemp -d)
 trap 'rm -rf "$environment"' EXIT
 
+cbindgen=$target/tools/bin/cbindgen
+# Is what it is to be compared with installed?
+have_cbindgen() { "$cbindgen" --version 2>/dev/null | grep -qx "cbindgen $CBINDGEN_VERSION"; }
+install_cbindgen() {
+    say "robots: installing cbindgen $CBINDGEN_VERSION into $target/tools"
+    CARGO_TARGET_DIR=$target/tools/build cargo install --quiet --locked --root "$target/tools" \
+        --version "$CBINDGEN_VERSION" cbindgen || cbindgen=
+    rm -rf "$target/tools/build"
+}
+# `scripts/robots.sh tools` does no more.
+if [ "${1:-all}" = tools ]; then
+    have_cbindgen || install_cbindgen
+    exit
+fi
+
 if [ -z "${CHRONOTOPE_COMMAND:-}" ]; then
     say "robots: the command to compare with"
     cargo build --locked -p chronotope-cli
@@ -35,14 +51,13 @@ if [ -z "${CHRONOTOPE_COMMAND:-}" ]; then
 fi
 
 say "robots: fmt"
-cargo fmt --manifest-path $bags/Cargo.toml --all --check
-cargo fmt --manifest-path $node/Cargo.toml --all --check
-cargo fmt --manifest-path $library/Cargo.toml --all --check
+cargo fmt --manifest-path $all --all --check
 
-say "robots: bags"
-cargo build --locked --manifest-path $bags/Cargo.toml --bins --examples
-cargo test --locked --manifest-path $bags/Cargo.toml </dev/null
-cargo run --quiet --locked --manifest-path $bags/Cargo.toml --example render_street -- "$environment/street"
+# At once, so that bags, node and library share one engine.
+say "robots: bags, node and library: build and unit tests"
+cargo build --locked --manifest-path $all --workspace --lib --bins --examples
+cargo test --locked --manifest-path $all --workspace </dev/null
+"$target/debug/examples/render_street" "$environment/street"
 
 say "robots: bags of two writers, answers in a reader"
 python3 -m venv "$environment/python"
@@ -53,8 +68,6 @@ CHRONOTOPE=$CHRONOTOPE_COMMAND CHRONOTOPE_BAGS=$target/debug/chronotope-bags STR
     "$python" $bags/tests/test_bags.py
 
 say "robots: the ROS 2 node"
-cargo build --locked --manifest-path $node/Cargo.toml
-cargo test --locked --manifest-path $node/Cargo.toml </dev/null
 "$target/debug/chronotope_node" --parameters >"$environment/parameters.yaml"
 
 say "robots: the node with ROS 2 and with Cyclone DDS"
@@ -74,15 +87,7 @@ else
 fi
 
 say "robots: the C library"
-cargo build --locked --manifest-path $library/Cargo.toml
-cargo test --locked --manifest-path $library/Cargo.toml </dev/null
-cbindgen=$target/tools/bin/cbindgen
-if ! "$cbindgen" --version 2>/dev/null | grep -qx "cbindgen $CBINDGEN_VERSION"; then
-    say "robots: installing cbindgen $CBINDGEN_VERSION into $target/tools"
-    CARGO_TARGET_DIR=$target/tools/build cargo install --quiet --locked --root "$target/tools" \
-        --version "$CBINDGEN_VERSION" cbindgen || cbindgen=
-    rm -rf "$target/tools/build"
-fi
+have_cbindgen || install_cbindgen
 if [ -n "$cbindgen" ]; then
     (cd $library && "$cbindgen" --quiet --output "$environment/chronotope.h")
     diff "$environment/chronotope.h" $library/include/chronotope.h ||
@@ -147,7 +152,7 @@ done <"$environment/street/index.csv"
 echo "C: $num_located of $((${#walk[@]} / 2)) images of the street located, none at a wrong place"
 [ "$num_located" -ge 18 ] || fail "learnt images are located"
 "$programs/robot" "$map" "${walk[@]}" | tail -2
-cargo run --quiet --locked --manifest-path $library/Cargo.toml --example latency -- \
+"$target/debug/examples/latency" \
     "$prefix/lib/libchronotope.so" "$map" "${LATENCY_ROUNDS:-3}" "${walk[@]}"
 "$programs/localize-static" "$map" "${walk[0]}" "${walk[1]}" || [ $? = 1 ]
 "$programs/border" "$map"

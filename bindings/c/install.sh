@@ -2,12 +2,12 @@
 # Installs the C library that was built: install.sh PREFIX [TARGET_FOLDER/PROFILE]
 #
 #   cargo build --locked --release --manifest-path bindings/c/Cargo.toml
-#   bash bindings/c/install.sh /usr/local bindings/c/target/release
+#   bash bindings/c/install.sh /usr/local bindings/target/release
 set -euo pipefail
 prefix=${1:?name the folder to install to}
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
-built=${2:-$here/target/release}
-version=$(sed -n 's/^version = "\(.*\)"/\1/p' "$here/Cargo.toml" | head -1)
+built=${2:-$here/../target/release}
+version=$(sed -n 's/^version = "\(.*\)"/\1/p' "$here/../Cargo.toml" | head -1)
 mkdir -p "$prefix/lib/pkgconfig" "$prefix/include"
 prefix=$(cd "$prefix" && pwd)
 install -m 755 "$built/libchronotope.so" "$prefix/lib/libchronotope.so.$version"

@@ -8,6 +8,9 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 need_rust
 need_c_compiler
 need_opencv
+# All now: two installations at a time exclude each other.
+need_python
+need_robot_tools
 want_browser
 
 log=${CARGO_TARGET_DIR:-target}/test.log
@@ -64,13 +67,39 @@ else
     say "cargo deny: skipped (cargo install --locked cargo-deny)"
 fi
 
+say "tests: workspace with opencv; their build"
+cargo test --locked --workspace --features opencv,parquet,onnx --no-run
+
+# Much of what follows waits, or keeps one processor busy: what needs no more than a processor is built meanwhile.
+# The dashboard with the evaluation that records shares most of rerun's 400 crates (crates/dashboard/quick.toml).
+say "wheel, cbindgen, dashboard: built beside the tests"
+dashboard_target=${CARGO_TARGET_DIR:-crates/dashboard/target}
+dashboard_log=$(realpath "$(dirname "$log")")/dashboard.log
+cargo fmt --manifest-path crates/dashboard/Cargo.toml --all --check
+export dashboard_target
+setsid nice -n 19 bash -ec '
+    # What maturin has to build then is little more than the package.
+    cargo build --locked --release --manifest-path bindings/python/Cargo.toml
+    bash scripts/robots.sh tools
+    cargo test --locked --no-run --manifest-path crates/dashboard/Cargo.toml
+    cargo build --locked -p chronotope-eval --features dashboard \
+        --config crates/dashboard/quick.toml --target-dir "$dashboard_target"
+' </dev/null >"$dashboard_log" 2>&1 &
+building=$!
+trap 'kill -- "-$building" 2>/dev/null || true' EXIT
+
 say "tests: workspace with opencv, and doctests"
 cargo test --locked --workspace --features opencv,parquet,onnx </dev/null 2>&1 | tee "$log"
 
+# The engine's own: the command and the evaluation call the same kernels.
+engine_tests=$(cargo test --locked --workspace --features opencv,parquet,onnx --lib --test it \
+    --no-run --message-format json 2>/dev/null | sed -n 's/.*#chronotope@.*"executable":"\([^"]*\)".*/\1/p')
+[ "$(wc -l <<<"$engine_tests")" = 2 ] || fail "unit tests and tests/it are expected, not $engine_tests"
 for kernel in $(other_kernels); do
     say "tests of matching and localising with kernel $kernel"
-    CHRONOTOPE_KERNEL=$kernel cargo test --locked --workspace --features opencv,parquet,onnx --lib --test it \
-        -- simd matching localize learn </dev/null
+    for tests in $engine_tests; do
+        CHRONOTOPE_KERNEL=$kernel "$tests" simd matching localize learn </dev/null
+    done
 done
 
 # The same command as above, whose answers the package has to give bit for bit.
@@ -81,15 +110,11 @@ CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope") ba
 say "robots"
 CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope") bash scripts/robots.sh
 
-# Last, because rerun takes minutes: no release, no debug information (crates/dashboard/Cargo.toml), and
-# no clippy, which would go through its 400 crates a second time. The evaluation with its feature
-# `dashboard` shares most of them (crates/dashboard/quick.toml).
-say "dashboard: fmt, tests, the evaluation that records"
-dashboard_target=${CARGO_TARGET_DIR:-crates/dashboard/target}
-cargo fmt --manifest-path crates/dashboard/Cargo.toml --all --check
-cargo test --locked --no-run --manifest-path crates/dashboard/Cargo.toml
-cargo build --locked -p chronotope-eval --features dashboard \
-    --config crates/dashboard/quick.toml --target-dir "$dashboard_target"
+# No release, no debug information (crates/dashboard/Cargo.toml), and no clippy, which would go through 400 crates
+# a second time.
+say "dashboard: what has been built meanwhile"
+wait "$building" || { cat "$dashboard_log"; fail "the dashboard cannot be built"; }
+say "dashboard: tests, the evaluation that records"
 CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope") \
     CHRONOTOPE_EVAL=$(realpath "$dashboard_target/debug/chronotope-eval") \
     cargo test --locked --manifest-path crates/dashboard/Cargo.toml </dev/null

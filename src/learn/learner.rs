@@ -16,7 +16,7 @@ use crate::map::{
     AppearanceUse, MAX_TEXT_BYTES, MapMeta, MaskRuns, Node, PlaceKey, Quarantine, QuarantineReason,
     QuarantinedVisit, Reobservation, SessionId, Snapshot, Visit, VisitId, features_digest,
 };
-use crate::matching::{Matcher, displacements_into, vote_displacement};
+use crate::matching::{Matcher, VoteConfig, displacements_into, vote_displacement};
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::visibility::BitRow;
 
@@ -408,6 +408,7 @@ impl Learner {
         let node = &self.snapshot.nodes()[index];
         online::find(
             &self.cfg,
+            &self.cfg.vote().for_grid(self.snapshot.grid_step_px()),
             &self.reobserve,
             &mut self.scratch,
             node.features().view(),
@@ -616,6 +617,8 @@ impl Learner {
             let row = self.snapshot.nodes()[own].unlocated(AppearanceUse::Recognised);
             return (row, false);
         }
+        let window = self.cfg.experience().vote();
+        let window = window.for_grid(self.snapshot.grid_step_px());
         let mut best_other = self.cfg.experience().min_score().max(1) - 1;
         let mut own_scores = Vec::new();
         for (index, node) in self.snapshot.nodes().iter().enumerate() {
@@ -625,7 +628,7 @@ impl Learner {
                 // An experience whose appearance was dropped locates nothing.
                 let score = visit.appearance.as_ref().map_or(0, |appearance| {
                     let view = appearance.view().prefix(self.cfg.experience_features());
-                    (self.scratch).score(&self.experience, &self.cfg, view, live)
+                    (self.scratch).score(&self.experience, &self.cfg, &window, view, live)
                 });
                 if index == own {
                     own_scores.push(score);
@@ -669,6 +672,7 @@ impl Scratch {
         &mut self,
         matcher: &Matcher,
         cfg: &LearnConfig,
+        window: &VoteConfig,
         map: FeaturesView<'_>,
         live: FeaturesView<'_>,
     ) -> u32 {
@@ -684,8 +688,7 @@ impl Scratch {
                     live.keypoints,
                     &mut self.displacements,
                 );
-                vote_displacement(cfg.experience().vote(), &mut self.vote, &self.displacements)
-                    .num_inliers
+                vote_displacement(window, &mut self.vote, &self.displacements).num_inliers
             }
         }
     }

@@ -12,11 +12,12 @@
 use super::config::LearnConfig;
 use super::visit::{Found, Observation, Scratch};
 use crate::feature::{Features, FeaturesView, Keypoint};
-use crate::matching::{Displacement, Matcher, displacements_into, vote_displacement};
+use crate::matching::{Displacement, Matcher, VoteConfig, displacements_into, vote_displacement};
 use fremen::visibility::BitRow;
 
 pub(super) fn find(
     cfg: &LearnConfig,
+    window: &VoteConfig,
     matcher: &Matcher,
     scratch: &mut Scratch,
     known: FeaturesView<'_>,
@@ -33,7 +34,7 @@ pub(super) fn find(
     } = scratch;
     matcher.matches_into(matching, known, live.view(), matches);
     displacements_into(matches, known.keypoints, live.keypoints(), displacements);
-    let agreed = vote_displacement(cfg.vote(), vote, displacements);
+    let agreed = vote_displacement(window, vote, displacements);
     let is_located = agreed.num_inliers >= cfg.min_inliers();
     let shift = if is_located {
         agreed.median

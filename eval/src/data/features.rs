@@ -39,6 +39,8 @@ pub struct ExtractedDataset {
     pub dataset: Dataset,
     /// One for each entry.
     pub extracted: Vec<Extracted>,
+    /// The identity of the extractor.
+    pub extractor: String,
     /// Milliseconds of decoding (or rendering) and extraction of some images; empty from the cache.
     pub extraction_ms: Vec<f64>,
 }
@@ -59,6 +61,7 @@ impl ExtractedDataset {
             return Ok(Self {
                 dataset,
                 extracted,
+                extractor: extractor.id(),
                 extraction_ms: Vec::new(),
             });
         }
@@ -97,6 +100,7 @@ impl ExtractedDataset {
         Ok(Self {
             dataset,
             extracted,
+            extractor: extractor.id(),
             extraction_ms,
         })
     }

@@ -55,7 +55,7 @@ pub(crate) fn learn(
         zone: (data.dataset.zone.clone()).filter(|_| arm.visit_clock_s.is_none()),
         ..MapMeta::new(
             derived_uuid(&data.dataset.name),
-            "evaluation",
+            &data.extractor,
             arm.preset.name(),
         )
     };
@@ -66,7 +66,7 @@ pub(crate) fn learn(
 /// Learns the map of all images.
 pub(crate) fn learn_all(data: &ExtractedDataset) -> Result<Arc<Snapshot>> {
     let name = &data.dataset.name;
-    let meta = MapMeta::new(derived_uuid(name), "evaluation", "default");
+    let meta = MapMeta::new(derived_uuid(name), &data.extractor, "default");
     let entries: Vec<usize> = (0..data.dataset.entries.len()).collect();
     let times: Vec<Time> = (data.dataset.entries.iter())
         .map(|entry| entry.time)

@@ -494,6 +494,37 @@ pub(super) mod tests {
         assert!(OutputFile::begin_new(&path).is_err());
     }
 
+    /// The same where another library writes the file.
+    #[test]
+    fn a_name_for_another_library_is_taken_by_nobody_else() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a");
+        let journal = folder.path().join(".a.unfinished-journal");
+        for rest in [folder.path().join(".a.unfinished"), journal.clone()] {
+            std::fs::write(rest, "of a killed process").expect("written");
+        }
+        let unfinished = Unfinished::begin(&path).expect("begun");
+        assert_eq!(names(folder.path()), [".a.unfinished"]);
+        assert_eq!(std::fs::read(unfinished.path()).expect("there"), b"");
+        let error = Unfinished::begin(&path).expect_err("two at once");
+        assert_eq!(error.kind(), ErrorKind::Conflict);
+        std::fs::write(&path, "another").expect("written");
+        std::fs::write(&journal, "begun").expect("written");
+        let error = unfinished.finish().expect_err("it is there now");
+        assert_eq!(error.kind(), ErrorKind::AlreadyExists);
+        assert_eq!(std::fs::read(&path).expect("there"), b"another");
+        assert_eq!(names(folder.path()), ["a"]);
+        let error = Unfinished::begin(&path).expect_err("it is there");
+        assert_eq!(error.kind(), ErrorKind::AlreadyExists);
+
+        std::fs::remove_file(&path).expect("there");
+        let unfinished = Unfinished::begin(&path).expect("begun");
+        std::fs::write(unfinished.path(), "ours").expect("written");
+        unfinished.finish().expect("nothing came");
+        assert_eq!(std::fs::read(&path).expect("there"), b"ours");
+        assert_eq!(names(folder.path()), ["a"]);
+    }
+
     #[cfg(unix)]
     #[test]
     fn a_file_takes_the_rights_of_another() {

@@ -157,3 +157,124 @@ fn word(bytes: &[u8], at: usize) -> Option<u32> {
     let bytes = bytes.get(at..at.checked_add(4)?)?;
     bytes.try_into().ok().map(u32::from_be_bytes)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rusqlite::Connection;
+    use std::fs;
+
+    /// A folder where nothing waits for a disk.
+    fn in_memory() -> tempfile::TempDir {
+        tempfile::tempdir_in("/dev/shm")
+            .or_else(|_| tempfile::tempdir())
+            .expect("a folder")
+    }
+
+    /// A file in the middle of a commit that has already written to it, and the journal.
+    fn interrupted(path: &Path, page_bytes: usize) -> (Vec<u8>, Vec<u8>) {
+        let connection = Connection::open(path).expect("a folder");
+        let insert = |first: i64, num: i64| {
+            let sql = "INSERT INTO t VALUES (?1, ?2)";
+            for id in first..first + num {
+                let text = format!("row {id}, ").repeat(page_bytes / 20);
+                connection.execute(sql, (id, text)).expect("sound");
+            }
+        };
+        connection
+            .execute_batch(&format!(
+                "PRAGMA page_size = {page_bytes}; \
+                 CREATE TABLE t (id INTEGER PRIMARY KEY, text TEXT); BEGIN"
+            ))
+            .expect("sound");
+        insert(0, 40);
+        // So small a cache that the commit writes before it ends, a few pages at a time.
+        connection
+            .execute_batch(
+                "COMMIT; PRAGMA cache_size = 4; BEGIN IMMEDIATE; \
+                 UPDATE t SET text = replace(text, 'row', 'new') WHERE id % 3 = 0; \
+                 DELETE FROM t WHERE id % 7 = 1",
+            )
+            .expect("sound");
+        insert(100, 30);
+        connection.cache_flush().expect("sound");
+        let found = (
+            fs::read(path).expect("there"),
+            fs::read(journal_of(path)).expect("there"),
+        );
+        connection.execute_batch("ROLLBACK").expect("sound");
+        found
+    }
+
+    /// What `SQLite` makes of a file beside which this journal lies.
+    fn played_by_sqlite(path: &Path, file: &[u8], journal: &[u8]) -> Vec<u8> {
+        fs::write(path, file).expect("writable");
+        fs::write(journal_of(path), journal).expect("writable");
+        let connection = Connection::open(path).expect("there");
+        // That the result is a sound file is not asked.
+        let _ = connection.query_row("PRAGMA schema_version", [], |_| Ok(()));
+        drop(connection);
+        let found = fs::read(path).expect("there");
+        let _ = fs::remove_file(journal_of(path));
+        found
+    }
+
+    #[test]
+    fn a_journal_is_played_as_sqlite_plays_it() {
+        let folder = in_memory();
+        for page_bytes in [512, 4_096, 65_536] {
+            let path = folder.path().join(format!("{page_bytes}.db"));
+            let (file, journal) = interrupted(&path, page_bytes);
+            let segments = journal.windows(8).filter(|it| **it == MAGIC).count();
+            assert!(segments > 1, "{page_bytes}: one segment");
+            let again = folder.path().join("again.db");
+            let check = |file: &[u8], journal: &[u8], what: &str| {
+                let image = played(file, journal).expect(what);
+                let expected = played_by_sqlite(&again, file, journal);
+                assert!(image == expected, "pages of {page_bytes} bytes, {what}");
+            };
+            check(&file, &journal, "whole");
+            let before = fs::read(&path).expect("there");
+            assert!(played(&file, &journal).as_ref() == Some(&before));
+            assert!(file != before && file.len() != before.len());
+            // A file that is shorter than before: pages that are gone come of the journal.
+            let half = before.len() / 2 / page_bytes * page_bytes;
+            check(&file[..half], &journal, "cut file");
+            for len in (512..journal.len()).step_by(journal.len() / 60) {
+                check(&file, &journal[..len], &format!("cut to {len} bytes"));
+            }
+            // Number of records, nonce; then records of the first segment.
+            for at in (8..16).chain((512..512 + 3 * page_bytes).step_by(page_bytes / 29)) {
+                let mut damaged = journal.clone();
+                damaged[at] ^= 1 << (at % 8);
+                check(&file, &damaged, &format!("bit at {at}"));
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_journal_of_such_a_file_says_nothing() {
+        let folder = in_memory();
+        let (file, journal) = interrupted(&folder.path().join("a.db"), 512);
+        let (other, _) = interrupted(&folder.path().join("b.db"), 1_024);
+        assert!(played(&file, &journal).is_some());
+        assert!(played(&other, &journal).is_none(), "pages of another size");
+        assert!(played(&[], &journal).is_none());
+        for len in 0..HEADER_BYTES {
+            assert!(played(&file, &journal[..len]).is_none(), "{len} bytes");
+        }
+        let with = |at: usize, word: u32| {
+            let mut damaged = journal.clone();
+            damaged[at..at + 4].copy_from_slice(&word.to_be_bytes());
+            played(&file, &damaged)
+        };
+        assert!(with(0, 0).is_none(), "another magic number");
+        assert!(with(16, u32::MAX).is_none(), "pages that nobody has");
+        for sector_bytes in [0, 16, 513, 1 << 17] {
+            assert!(with(20, sector_bytes).is_none(), "{sector_bytes}");
+        }
+        for page_bytes in [0, 256, 768, 1 << 17] {
+            assert!(with(24, page_bytes).is_none(), "{page_bytes}");
+        }
+    }
+}

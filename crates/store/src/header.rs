@@ -162,3 +162,76 @@ fn describe(header: &[u8]) -> &'static str {
             |(_, kind)| kind,
         )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    static NOTES: Kind = Kind {
+        noun: "note",
+        application_id: 0x6e6f_7465,
+        version: 2,
+        tables: |_| &[],
+        references: &[],
+        program: "notes",
+        tool: "notes file",
+        maker: "notes file new",
+        help_for_folder: "a note is one file",
+    };
+
+    /// The header of a note of seven pages.
+    fn header(page_size: [u8; 2]) -> Vec<u8> {
+        let mut header = b"SQLite format 3\0".to_vec();
+        header.extend(page_size);
+        header.extend([1, 1]);
+        header.resize(100, 0);
+        header[28..32].copy_from_slice(&7_u32.to_be_bytes());
+        header[60..64].copy_from_slice(&2_u32.to_be_bytes());
+        header[68..72].copy_from_slice(&NOTES.application_id.to_be_bytes());
+        header
+    }
+
+    #[test]
+    fn a_header_says_how_many_pages_there_are_and_how_large() {
+        for (page_size, page_bytes) in [([2, 0], 512), ([16, 0], 4_096), ([0, 1], 65_536)] {
+            let found = check_header(&NOTES, &header(page_size)).expect("a note");
+            assert_eq!(found, (7, page_bytes));
+        }
+    }
+
+    #[test]
+    fn a_header_of_something_else_is_named() {
+        let complaint = |header: &[u8]| {
+            let error = check_header(&NOTES, header).expect_err("no note");
+            assert_eq!(error.kind(), ErrorKind::Format);
+            error.to_string()
+        };
+        let with = |at: usize, bytes: &[u8]| {
+            let mut header = header([16, 0]);
+            header[at..at + bytes.len()].copy_from_slice(bytes);
+            complaint(&header)
+        };
+        assert!(complaint(&header([16, 0])[..71]).contains("ends after 71 bytes"));
+        assert!(with(68, b"geo!").contains("application id 0x67656f21"));
+        assert!(with(60, &[0, 0, 0, 3]).contains("use a newer notes"));
+        assert!(with(60, &[0; 4]).contains("format 0, which does not exist"));
+        for wal in [[2, 2], [1, 2], [2, 1]] {
+            assert!(with(18, &wal).contains("WAL mode"), "{wal:?}");
+        }
+        let cut = "é".repeat(50);
+        for (bytes, what) in [
+            (&b"\x89PNG\r\n\x1a\n"[..], "a PNG image"),
+            (b"\x1f\x8b\x08", "a gzip archive"),
+            (b"place,time\tnote\r\n", "a text"),
+            (&cut.as_bytes()[..99], "a text"),
+            (b"word\x01word", "a file of unknown kind"),
+            (b"word \xff word", "a file of unknown kind"),
+        ] {
+            let complaint = complaint(bytes);
+            assert!(
+                complaint.contains(&format!("this is {what}, not a note")),
+                "{complaint}"
+            );
+        }
+    }
+}

@@ -123,3 +123,73 @@ impl Kind {
         Error::new(ErrorKind::Format, message)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rusqlite::ffi;
+
+    static NOTES: Kind = Kind {
+        noun: "note",
+        application_id: 1,
+        version: 2,
+        tables: |_| &[],
+        references: &[],
+        program: "notes",
+        tool: "notes file",
+        maker: "notes file new",
+        help_for_folder: "a note is one file",
+    };
+
+    #[test]
+    fn what_sqlite_says_is_said_in_words_that_help() {
+        for (code, kind, words) in [
+            (
+                ffi::SQLITE_READONLY_ROLLBACK,
+                ErrorKind::Io,
+                "the last commit was interrupted and has to be undone before the note",
+            ),
+            (
+                ffi::SQLITE_READONLY_DBMOVED,
+                ErrorKind::Io,
+                "open the note again and repeat the change",
+            ),
+            (
+                ffi::SQLITE_READONLY,
+                ErrorKind::Io,
+                "change the rights or copy the note",
+            ),
+            (
+                ffi::SQLITE_READONLY_DIRECTORY,
+                ErrorKind::Io,
+                "the file or its folder may not be written",
+            ),
+            (ffi::SQLITE_FULL, ErrorKind::Io, "free some space"),
+            (ffi::SQLITE_CANTOPEN, ErrorKind::Io, "cannot be opened"),
+            (ffi::SQLITE_PERM, ErrorKind::Io, "access is denied"),
+            (
+                ffi::SQLITE_BUSY,
+                ErrorKind::Conflict,
+                "another process is writing to this note",
+            ),
+            (
+                ffi::SQLITE_LOCKED,
+                ErrorKind::Conflict,
+                "wait until it has finished",
+            ),
+            (
+                ffi::SQLITE_IOERR_FSYNC,
+                ErrorKind::Io,
+                "check the disk, then `notes file verify`",
+            ),
+            (ffi::SQLITE_CORRUPT, ErrorKind::Format, "restore a copy"),
+            (ffi::SQLITE_NOTADB, ErrorKind::Format, "the file is damaged"),
+            (ffi::SQLITE_TOOBIG, ErrorKind::Io, "SQLite failed"),
+        ] {
+            let error = rusqlite::Error::SqliteFailure(ffi::Error::new(code), None);
+            let error = NOTES.sqlite_error(&error);
+            assert_eq!(error.kind(), kind, "{code}: {error}");
+            assert!(error.to_string().contains(words), "{code}: {error}");
+        }
+    }
+}

@@ -305,6 +305,24 @@ fn a_file_that_was_cut_off_is_refused() {
     }
 }
 
+/// Programs of before 2010 did not keep the number of pages in the header, and left there what was.
+#[test]
+fn a_number_of_pages_that_is_not_of_the_last_commit_does_not_count() {
+    let folder = folder();
+    let path = folder.path().join("a.grid");
+    let mut grid = Grid::create(&GRID, &path).expect("new");
+    grid.commit(&[(1, 1)]).expect("extends");
+    let expected = grid.known.counts.clone();
+    drop(grid);
+    let mut bytes = fs::read(&path).expect("there");
+    bytes[28..32].copy_from_slice(&9_999_u32.to_be_bytes());
+    // The commit that it is of.
+    bytes[95] ^= 1;
+    fs::write(&path, &bytes).expect("writable");
+    let grid = Grid::open(&GRID, &path, Access::ReadOnly).expect("whole");
+    assert_eq!(grid.known.counts, expected);
+}
+
 /// Rows that read well may lie in pages that a writer would spoil.
 #[test]
 fn a_file_of_broken_structure_is_not_opened_to_be_written() {

@@ -10,7 +10,7 @@ use chronotope_store::{
 use fremen::error::Result;
 use sha2::{Digest, Sha256};
 
-const GENERATION: Table = Table {
+pub(crate) const GENERATION: Table = Table {
     name: "generation",
     create: "CREATE TABLE generation (number INTEGER PRIMARY KEY, parent INTEGER, \
              prunes INTEGER NOT NULL, time_us INTEGER NOT NULL, num_cells INTEGER NOT NULL, \
@@ -223,6 +223,15 @@ impl Grid {
 
     /// Commits new counts of these cells, and gives the generation.
     pub(crate) fn commit(&mut self, changes: &[(i64, i64)]) -> Result<u64> {
+        self.commit_with(changes, || ())
+    }
+
+    /// [`commit`](Self::commit), with something to do before it ends.
+    pub(crate) fn commit_with(
+        &mut self,
+        changes: &[(i64, i64)],
+        meanwhile: impl FnOnce(),
+    ) -> Result<u64> {
         let mut next = self.known.clone();
         next.counts.0.extend(changes.iter().copied());
         next.tip.number += 1;
@@ -235,7 +244,9 @@ impl Grid {
                 let [id, cell, count] = [next.last_row, cell, count].map(ValueRef::Integer);
                 writer.insert(&CELL, &[id, number, cell, count])?;
             }
-            writer.insert_generation(&generation)
+            writer.insert_generation(&generation)?;
+            meanwhile();
+            Ok(())
         })?;
         self.known = next;
         Ok(generation.number)

@@ -93,6 +93,18 @@ fn a_journal_that_lies_where_a_file_is_made_is_put_aside() {
     assert_eq!(names(folder.path()), ["a.grid", "a.grid.stray-journal"]);
     let aside = fs::read(folder.path().join("a.grid.stray-journal")).expect("there");
     assert_eq!(aside, journal);
+    // And one more, under a name of its own.
+    fs::remove_file(&path).expect("ours");
+    fs::write(journal_of(&path), &journal[1..]).expect("writable");
+    grid(&path, 1);
+    let second = "a.grid.stray-journal2";
+    assert_eq!(
+        names(folder.path()),
+        ["a.grid", "a.grid.stray-journal", second]
+    );
+    let both = ["a.grid.stray-journal", second].map(|name| fs::read(folder.path().join(name)));
+    let [first, second] = both.map(|it| it.expect("there"));
+    assert!(first == journal && second == journal[1..]);
 }
 
 #[test]
@@ -140,6 +152,50 @@ fn a_backup_over_an_interrupted_file_stays_what_it_was() {
     fs::write(journal_of(&path), journal).expect("writable");
     let opened = Grid::open(&GRID, &path, Access::ReadWrite).expect("whole");
     assert_eq!(opened.known.counts, expected_counts);
+}
+
+/// All of a commit reached the disk, but that its journal is gone did not.
+#[test]
+fn a_commit_that_lacks_only_the_end_of_its_journal_stands() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.grid");
+    grid(&path, 3);
+    let mut grid = Grid::open(&GRID, &path, Access::ReadWrite).expect("whole");
+    let (tip, before) = (grid.known.tip, fs::read(&path).expect("there"));
+    let many: Vec<_> = (0..200).map(|cell| (cell, 1)).collect();
+    let mut journal = Vec::new();
+    grid.commit_with(&many, || {
+        journal = fs::read(journal_of(&path)).expect("there");
+    })
+    .expect("extends");
+    let expected = grid.known.counts.clone();
+    drop(grid);
+    // As it is once it was synced: with a magic number, and records up to its end.
+    journal[..8].copy_from_slice(&[0xd9, 0xd5, 0x05, 0xf9, 0x20, 0xa1, 0x63, 0xd7]);
+    journal[8..12].copy_from_slice(&u32::MAX.to_be_bytes());
+    let file = fs::read(&path).expect("there");
+    for access in [Access::ReadOnly, Access::ReadWrite] {
+        fs::write(journal_of(&path), &journal).expect("writable");
+        let opened = Grid::open(&GRID, &path, access).expect("whole");
+        assert_eq!(opened.known.counts, expected);
+        assert_eq!(opened.known.tip.number, tip.number + 1);
+        assert_eq!(names(folder.path()), ["a.grid"]);
+        assert!(fs::read(&path).expect("there") == file);
+    }
+    // A file that is damaged, or whose new pages never reached the disk, is as before the commit.
+    let mut damaged = file.clone();
+    let at = damaged.len() - 9;
+    damaged[at] ^= 0xff;
+    let cut = file[..before.len()].to_vec();
+    assert!(cut.len() < file.len());
+    for broken in [damaged, cut] {
+        fs::write(&path, broken).expect("writable");
+        fs::write(journal_of(&path), &journal).expect("writable");
+        let opened = Grid::open(&GRID, &path, Access::ReadOnly).expect("undone");
+        assert_eq!(opened.known.tip, tip);
+        assert!(fs::read(&path).expect("there") == before);
+        assert_eq!(names(folder.path()), ["a.grid"]);
+    }
 }
 
 #[test]

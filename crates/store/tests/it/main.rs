@@ -7,3 +7,4 @@
 mod cells;
 mod counts;
 mod journals;
+mod rows;

@@ -170,4 +170,80 @@ mod tests {
             assert!(error.to_string().contains("pipe or a device"), "{error}");
         }
     }
+
+    /// Somebody who waits to write to a pipe would take that for a reader.
+    #[cfg(unix)]
+    #[test]
+    fn a_pipe_is_not_even_opened() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let pipe = folder.path().join("pipe");
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        assert!(made.expect("mkfifo").success());
+        let writer = std::thread::spawn({
+            let pipe = pipe.clone();
+            move || OpenOptions::new().write(true).open(pipe)
+        });
+        let pause = || std::thread::sleep(std::time::Duration::from_millis(50));
+        pause();
+        read(&pipe, 9).expect_err("no file");
+        pause();
+        assert!(!writer.is_finished(), "the pipe was opened");
+        let _reader = unblocked().read(true).open(&pipe).expect("there");
+        writer.join().expect("no panic").expect("somebody reads");
+        // Were one to come between looking and opening, nobody would wait for its other end.
+        let (opened, is_open) = std::sync::mpsc::channel();
+        let lonely = folder.path().join("lonely");
+        let made = std::process::Command::new("mkfifo").arg(&lonely).status();
+        assert!(made.expect("mkfifo").success());
+        std::thread::spawn(move || opened.send(unblocked().read(true).open(lonely).is_ok()));
+        let patience = std::time::Duration::from_secs(20);
+        assert_eq!(is_open.recv_timeout(patience), Ok(true));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_beside_another_is_opened_only_with_its_rights() {
+        use std::os::unix::fs::{PermissionsExt, chown, symlink};
+        let folder = tempfile::tempdir().expect("a folder");
+        let [origin, path, other] = ["a", "a.derived", "b"].map(|name| folder.path().join(name));
+        let write = |path: &Path, mode: u32| {
+            std::fs::write(path, "text").expect("written");
+            let rights = std::fs::Permissions::from_mode(mode);
+            std::fs::set_permissions(path, rights).expect("ours");
+        };
+        for (of_origin, mode, opens) in [
+            (0o600, 0o600, true),
+            (0o644, 0o644, true),
+            (0o644, 0o600, true),
+            (0o600, 0o700, true),
+            (0o400, 0o600, true),
+            (0o664, 0o664, true),
+            (0o600, 0o640, false),
+            (0o600, 0o604, false),
+            (0o644, 0o664, false),
+            (0o644, 0o646, false),
+            (0o640, 0o644, false),
+        ] {
+            write(&origin, of_origin);
+            write(&path, mode);
+            let opened = open_beside(&path, &origin);
+            assert_eq!(opened.is_ok(), opens, "{mode:o} beside {of_origin:o}");
+        }
+        write(&origin, 0o644);
+        write(&path, 0o644);
+        std::fs::hard_link(&path, &other).expect("a link");
+        let error = open_beside(&path, &origin).expect_err("it has another name");
+        assert!(error.to_string().contains("somebody else"), "{error}");
+        std::fs::remove_file(&path).expect("ours");
+        symlink(&other, &path).expect("a link");
+        open_beside(&path, &origin).expect_err("a link");
+        std::fs::remove_file(&path).expect("ours");
+        // Only root can give files away, and only to root are they ours then.
+        write(&path, 0o644);
+        if chown(&path, Some(12_345), None).is_ok() {
+            open_beside(&path, &origin).expect_err("somebody else's");
+            chown(&origin, Some(12_345), None).expect("root");
+            open_beside(&path, &origin).expect("the same owner's");
+        }
+    }
 }

@@ -445,6 +445,16 @@ pub(super) mod tests {
         let error = OutputFile::replace(&path, NOTE, &[&path]).expect_err("an input");
         assert_eq!(error.kind(), ErrorKind::Config);
         assert_eq!(names(folder.path()), ["a"]);
+        let (link, other) = (folder.path().join("b"), folder.path().join("c"));
+        std::fs::hard_link(&path, &link).expect("a link");
+        std::fs::write(&other, "note 6").expect("written");
+        OutputFile::replace(&path, NOTE, &[&other]).expect("another file is the input");
+        let error = OutputFile::replace(&path, NOTE, &[&other, &link]).expect_err("an input");
+        assert_eq!(error.kind(), ErrorKind::Config);
+        let nowhere = folder.path().join("none/a");
+        let error = OutputFile::begin_new(nowhere).expect_err("no folder");
+        assert_eq!(error.kind(), ErrorKind::NotFound);
+        assert!(error.to_string().contains("create the folder"), "{error}");
     }
 
     #[cfg(unix)]
@@ -489,6 +499,7 @@ pub(super) mod tests {
         std::fs::write(&path, "another").expect("written");
         let error = file.finish().expect_err("it is there now");
         assert_eq!(error.kind(), ErrorKind::AlreadyExists);
+        assert!(error.to_string().contains("never overwritten"), "{error}");
         assert_eq!(std::fs::read(&path).expect("there"), b"another");
         assert_eq!(names(folder.path()), ["a"]);
         assert!(OutputFile::begin_new(&path).is_err());
@@ -541,6 +552,19 @@ pub(super) mod tests {
             .permissions()
             .mode();
         assert_eq!(mode & 0o777, 0o600);
+    }
+
+    #[test]
+    fn what_comes_first_can_be_written_last() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a");
+        let mut file = OutputFile::begin_new(&path).expect("begun");
+        file.write_all(b"____ 1").expect("a disk");
+        assert_eq!(file.seek(io::SeekFrom::Start(0)).expect("a disk"), 0);
+        file.write_all(b"note").expect("a disk");
+        assert_eq!(file.seek(io::SeekFrom::End(0)).expect("a disk"), 6);
+        file.finish().expect("nothing came");
+        assert_eq!(std::fs::read(&path).expect("there"), b"note 1");
     }
 
     #[test]

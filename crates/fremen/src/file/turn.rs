@@ -73,10 +73,15 @@ mod tests {
             let path = path.clone();
             move || Turn::wait(&path, Duration::from_secs(60))._folder.is_some()
         });
+        std::thread::sleep(Duration::from_millis(50));
+        assert!(!waiting.is_finished(), "it did not wait");
         drop(first);
         assert!(waiting.join().expect("no panic"));
         // Nothing is left behind, and a folder that is not there stops nobody.
         assert_eq!(std::fs::read_dir(folder.path()).expect("there").count(), 0);
+        // A name without a folder is one in the folder that is worked in.
+        let here = Turn::wait(Path::new("a.map"), Duration::from_secs(60));
+        assert!(here._folder.is_some());
         let nowhere = folder.path().join("none/a.map");
         assert!(Turn::wait(&nowhere, Duration::ZERO)._folder.is_none());
     }

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use chronotope_store::Access;
+use chronotope_store::{Access, Faults, Reader, ends};
 use fremen::error::ErrorKind;
 
 use crate::counts::{Counts, FIRST, GRID, Grid, REMARK, RESET, SAMPLE};
@@ -44,6 +44,26 @@ fn what_is_committed_is_read_and_returned_to() {
     assert_eq!(Grid::verify(&GRID, &path).expect("a grid"), []);
     let error = Grid::create(&GRID, &path).expect_err("exists").to_string();
     assert!(error.contains("a grid is never overwritten"), "{error}");
+}
+
+#[test]
+fn generations_are_listed_with_the_ends_of_their_branches() {
+    let folder = folder();
+    let path = folder.path().join("a.grid");
+    let mut grid = Grid::create(&GRID, &path).expect("new");
+    for number in 1..=2 {
+        grid.commit(&[(number, 1)]).expect("extends");
+    }
+    grid.rollback(1).expect("there");
+    grid.commit(&[(3, 1)]).expect("extends");
+    let mut after = |known| {
+        let read = |reader: &Reader<'_>| reader.generations(known, &mut Faults::strict(&GRID));
+        grid.store.read(read).expect("whole")
+    };
+    let all = after(None);
+    assert_eq!(ends(&all), [2, 4]);
+    assert_eq!(after(Some(1)), all[2..]);
+    assert_eq!(after(Some(3)), all[4..]);
 }
 
 #[test]
@@ -196,6 +216,8 @@ fn a_flipped_bit_is_named() {
         "{message}"
     );
     assert!(message.contains("`gridder grid verify`"), "{message}");
+    // That the digest is another one follows, and is not listed.
+    assert_eq!(Grid::verify(&GRID, &path).expect("a grid").len(), 1);
 }
 
 /// The files as a power loss in the middle of a commit leaves them.
@@ -264,6 +286,13 @@ fn what_is_no_such_file_is_named() {
     fs::remove_file(&path).expect("ours");
     fs::create_dir(&path).expect("writable");
     assert!(open().contains("a grid is one file"));
+    #[cfg(unix)]
+    {
+        fs::remove_dir(&path).expect("ours");
+        let made = std::process::Command::new("mkfifo").arg(&path).status();
+        assert!(made.expect("mkfifo").success());
+        assert!(open().contains("this is no regular file"));
+    }
 }
 
 /// What an opened file is guarded by: read back from the connection, because a file that would get
@@ -302,6 +331,12 @@ fn a_file_that_was_cut_off_is_refused() {
         let error = Grid::open(&GRID, &path, Access::ReadOnly).expect_err("cut off");
         let expected = format!("{len} of {} bytes", whole.len());
         assert!(error.to_string().contains(&expected), "{error}");
+        // A journal without anything in it excuses nothing.
+        let journal = folder.path().join("a.grid-journal");
+        fs::write(&journal, "").expect("writable");
+        let again = Grid::open(&GRID, &path, Access::ReadOnly).expect_err("cut off");
+        assert_eq!(again.to_string(), error.to_string());
+        fs::remove_file(journal).expect("ours");
     }
 }
 
@@ -339,7 +374,7 @@ fn a_file_of_broken_structure_is_not_opened_to_be_written() {
     let error = Grid::open(&GRID, &path, Access::ReadWrite).expect_err("broken");
     assert_eq!(error.kind(), ErrorKind::Format, "{error}");
     let faults = Grid::verify(&GRID, &path).expect("a grid");
-    assert!(!faults.is_empty());
+    assert!(faults[0].to_string().starts_with("file: "), "{faults:?}");
 }
 
 /// Closing a file drops all locks that a process has on it, so it is not even looked at meanwhile.

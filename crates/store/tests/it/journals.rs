@@ -79,6 +79,28 @@ fn an_interrupted_commit_is_undone_by_whoever_reads_first() {
     }
 }
 
+/// Another process heals the file: that is waited for.
+#[test]
+fn two_do_not_undo_a_commit_at_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.grid");
+    let before = grid(&path, 5);
+    let (file, journal) = interrupted(&path);
+    fs::write(&path, file).expect("writable");
+    fs::write(journal_of(&path), journal).expect("writable");
+    let other = fs::File::open(&path).expect("there");
+    other.lock().expect("nobody else");
+    let reader = std::thread::spawn({
+        let path = path.clone();
+        move || Grid::open(&GRID, &path, Access::ReadOnly)
+    });
+    std::thread::sleep(std::time::Duration::from_millis(200));
+    assert!(!reader.is_finished(), "it did not wait");
+    drop(other);
+    let healed = reader.join().expect("no panic").expect("healed");
+    assert_eq!(healed.known.counts, before);
+}
+
 #[test]
 fn a_journal_that_lies_where_a_file_is_made_is_put_aside() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -188,6 +210,24 @@ fn a_commit_that_lacks_only_the_end_of_its_journal_stands() {
     damaged[at] ^= 0xff;
     let cut = file[..before.len()].to_vec();
     assert!(cut.len() < file.len());
+    // But not where the file has been committed to since.
+    let mut newer = damaged.clone();
+    newer[27] += 3;
+    fs::write(&path, &newer).expect("writable");
+    fs::write(journal_of(&path), &journal).expect("writable");
+    Grid::open(&GRID, &path, Access::ReadOnly).expect_err("damaged");
+    assert!(fs::read(&path).expect("there") == newer);
+    // Beside a whole file that it is not of it is not played, and kept for whoever misses it.
+    let other = folder.path().join("b.grid");
+    let of_other = self::grid(&other, 9);
+    fs::write(journal_of(&other), &journal).expect("writable");
+    let opened = Grid::open(&GRID, &other, Access::ReadOnly).expect("whole");
+    assert_eq!(opened.known.counts, of_other);
+    let aside = folder.path().join("b.grid.stray-journal");
+    assert!(fs::read(&aside).expect("kept") == journal);
+    for ours in [other, aside] {
+        fs::remove_file(ours).expect("ours");
+    }
     for broken in [damaged, cut] {
         fs::write(&path, broken).expect("writable");
         fs::write(journal_of(&path), &journal).expect("writable");

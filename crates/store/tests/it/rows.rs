@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use chronotope_store::{Access, Fault, Faults, Store, Table, ValueRef, row_crc};
-use fremen::error::{ErrorKind, Result};
+use fremen::error::{Error, ErrorKind, Result};
 
 use crate::counts::{CELL, GENERATION, GRID, Grid, REMARK, check};
 
@@ -196,4 +196,16 @@ fn a_value_that_is_not_what_its_column_holds_is_named() {
         "UPDATE remark SET text = printf('%0100d', 0)",
     );
     read(2, "text").expect("as long as it may be");
+}
+
+/// What goes wrong while a file is checked is no fault of the file.
+#[test]
+fn an_error_of_the_reader_is_not_taken_for_a_fault() {
+    let folder = folder();
+    let path = folder.path().join("a.grid");
+    Grid::create(&GRID, &path).expect("new");
+    let error = Store::verify::<()>(&GRID, &path, 9, check, |_, _| {
+        Err(Error::new(ErrorKind::Config, "enough"))
+    });
+    assert_eq!(error.expect_err("an error").kind(), ErrorKind::Config);
 }

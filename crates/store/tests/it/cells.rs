@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use chronotope_store::{Access, Faults, Reader, ends};
+use chronotope_store::{Access, Faults, Reader, Store, ends};
 use fremen::error::ErrorKind;
 
 use crate::counts::{Counts, FIRST, GRID, Grid, REMARK, RESET, SAMPLE};
@@ -34,6 +34,7 @@ fn what_is_committed_is_read_and_returned_to() {
         reopened.at(2).expect("there").counts,
         counts(&[(1, 6), (2, 1)])
     );
+    assert!(reopened.store.is_read_only() && !grid.store.is_read_only());
     let error = reopened.commit(&[(1, 1)]).expect_err("read-only");
     assert!(
         error.to_string().contains("this grid is open read-only"),
@@ -133,10 +134,46 @@ fn what_stays_after_pruning_is_what_it_was() {
         assert_eq!(found, known[number as usize], "{number}");
     }
     assert!(grid.at(4).is_err());
+    let error = grid.prune(&[5, 77]).expect_err("never was");
+    assert_eq!(error.kind(), ErrorKind::NotFound);
+    assert!(error.to_string().contains("no generation 77"), "{error}");
     let num_bytes = grid.store.num_bytes().expect("there");
     assert!(grid.prune(&[]).expect("sound") > 0);
     assert!(grid.store.num_bytes().expect("there") <= num_bytes);
+    let len = fs::metadata(&path).expect("there").len();
+    assert_eq!(grid.store.num_bytes().expect("there"), len);
     assert_eq!(Some(&grid.known.counts), known.last());
+}
+
+#[test]
+fn a_pruned_file_is_as_small_as_what_is_left() {
+    let folder = folder();
+    let path = folder.path().join("a.grid");
+    let mut grid = Grid::create(&GRID, &path).expect("new");
+    for round in 0..20 {
+        let many: Vec<_> = (0..50).map(|cell| (cell, round)).collect();
+        grid.commit(&many).expect("extends");
+    }
+    let before = grid.store.num_bytes().expect("there");
+    grid.prune(&[]).expect("sound");
+    assert!(grid.store.num_bytes().expect("there") < before / 2);
+}
+
+#[test]
+fn a_file_is_renamed_over_nothing() {
+    let folder = folder();
+    let [from, to] = ["a.grid", "b.grid"].map(|name| folder.path().join(name));
+    let mut grid = Grid::create(&GRID, &from).expect("new");
+    grid.commit(&[(1, 5)]).expect("extends");
+    drop(grid);
+    Grid::create(&GRID, &to).expect("new");
+    let error = Store::rename(&GRID, &from, &to).expect_err("there is another");
+    assert_eq!(error.kind(), ErrorKind::AlreadyExists);
+    fs::remove_file(&to).expect("ours");
+    Store::rename(&GRID, &from, &to).expect("free now");
+    let grid = Grid::open(&GRID, &to, Access::ReadOnly).expect("a grid");
+    assert_eq!(grid.known.counts, counts(&[(1, 5)]));
+    assert!(!from.exists());
 }
 
 #[test]

@@ -33,7 +33,9 @@ use std::time::Duration;
 
 use rayon::prelude::*;
 
-use crate::dataset::{Clock, Dataset, Entry, Manifest, Problem, ReadOptions, blind_doubt};
+use crate::dataset::{
+    Clock, Dataset, Entry, Manifest, Problem, ReadOptions, blind_doubt, needs_room,
+};
 use crate::feature::{
     Extractor, ExtractorConfig, Features, GrayImage, LoadOptions, Models, StarBriefConfig,
 };
@@ -279,7 +281,8 @@ impl Training {
         out.clone_into(&mut training.out);
         training.part = Some(part);
         training.leaves_out_blind = judges;
-        training.set_aside(judges.then(Time::now));
+        let may_grow = needs_room(&*training.extractor) && !cfg.adjustment.changes_scale();
+        training.set_aside(judges.then(Time::now), may_grow);
         Ok(training)
     }
 
@@ -312,7 +315,7 @@ impl Training {
             .and_then(|extractor| extractor.build_with(&cfg.models))
             .map_err(|error| error.with_path(map.path()).with_place("extractor"))?;
         let mut training = Self::with(map, extractor, learn, dataset, cfg)?;
-        training.set_aside(None);
+        training.set_aside(None, false);
         Ok(training)
     }
 
@@ -340,9 +343,9 @@ impl Training {
 
     /// Leaves out what has another size than the map's images or, of a map that is built, than most
     /// of them; and, where it is known what time it is, impossible times.
-    fn set_aside(&mut self, now: Option<Time>) {
+    fn set_aside(&mut self, now: Option<Time>, may_grow: bool) {
         let size = self.learner.map().snapshot().meta().image_size;
-        self.scaled = self.dataset.set_aside(now, size);
+        self.scaled = self.dataset.set_aside(now, size, may_grow);
         self.num_images = self.dataset.entries.len();
         self.report.problems.append(&mut self.dataset.problems);
     }

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use super::adjusted::{adjusted, scale_between};
 use super::types::{Clock, Dataset, Entry, Problem};
-use crate::feature::{Extractor, GrayImage, LoadOptions};
+use crate::feature::{Extractor, ExtractorConfig, GrayImage, LoadOptions};
 use fremen::error::Result;
 use fremen::time::Time;
 
@@ -32,24 +32,32 @@ const DARK_LEVEL: u8 = 32;
 /// 69 px of its edge.
 const SMALL_SIDE: u32 = 160;
 
+/// Such images are enlarged until their shorter side has so many px at least ...
+const ENLARGED_SIDE: u32 = 240;
+/// ... but no further: what is smaller yet shows nothing.
+const MAX_ENLARGEMENT: u32 = 8;
+
 /// Columns and rows, px.
 type Size = (u32, u32);
 
 impl Dataset {
     /// Moves the entries whose time (if it is known what time it is) or size cannot be right to the
     /// problems, and has those scaled whose images only have another resolution; `size` is what
-    /// images must have, if that is known. Gives the size that is left, and how many are scaled.
+    /// images must have, if that is known. If it is not, and images that are too small for features
+    /// `may_grow`, all of them are enlarged alike. Gives the size that is left, and how many are
+    /// scaled.
     ///
     /// Sizes are read from the files' headers. O(entries).
     pub fn set_aside(
         &mut self,
         now: Option<Time>,
         size: Option<(u32, u32)>,
+        may_grow: bool,
     ) -> (Option<(u32, u32)>, usize) {
         let sizes = self.sizes();
-        let usual = size
-            .or(self.image_size)
-            .or_else(|| most_common(sizes.iter().flatten()));
+        let found = (self.image_size).or_else(|| most_common(sizes.iter().flatten()));
+        let grown = found.map(|found| times(found, if may_grow { enlargement(found) } else { 1 }));
+        let usual = size.or(grown);
         let doubts = self.doubts(now, &sizes, usual);
         let entries = std::mem::take(&mut self.entries);
         let mut num_scaled = 0;
@@ -94,6 +102,19 @@ impl Dataset {
             })
             .collect()
     }
+}
+
+/// By which whole number images of this size are enlarged, so that they have room for features.
+pub(super) fn enlargement((width, height): Size) -> u32 {
+    let side = width.min(height).max(1);
+    match ENLARGED_SIDE.div_ceil(side) {
+        factor if side < SMALL_SIDE && factor <= MAX_ENLARGEMENT => factor,
+        _ => 1,
+    }
+}
+
+fn times((width, height): Size, factor: u32) -> Size {
+    (width.saturating_mul(factor), height.saturating_mul(factor))
 }
 
 /// What is said of one entry.
@@ -216,26 +237,57 @@ pub fn blind_doubt(
     Some(format!("nothing to learn: {blindness}"))
 }
 
-/// [`blind_doubt`] of an image.
+/// [`blind_doubt`] of an image, which is enlarged as it would be to be learnt.
 pub(super) fn look(
     image: &GrayImage,
     mask: Option<&GrayImage>,
     extractor: &dyn Extractor,
     min_features: usize,
 ) -> Result<Option<String>> {
-    let features = extractor.extract(image, mask)?;
+    let factor = if needs_room(extractor) {
+        enlargement(image.size())
+    } else {
+        1
+    };
+    let features = if factor > 1 {
+        let options = LoadOptions::default().with_scale(f64::from(factor));
+        let mask = mask.map(|mask| options.apply_to_mask(mask.clone()));
+        let mask = mask.transpose()?;
+        extractor.extract(&options.apply(image.clone())?, mask.as_ref())?
+    } else {
+        extractor.extract(image, mask)?
+    };
     let range = image.gray_range(mask);
-    Ok(blind_doubt(
-        features.len(),
-        min_features,
-        range,
-        image.size(),
-    ))
+    let size = times(image.size(), factor);
+    Ok(blind_doubt(features.len(), min_features, range, size))
+}
+
+/// Whether an extractor finds nothing in small images; a network sees all at one size.
+pub(crate) fn needs_room(extractor: &dyn Extractor) -> bool {
+    !ExtractorConfig::is_on_grid(&extractor.id())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn small_images_grow_until_there_is_room_for_features() {
+        for (size, factor) in [
+            ((160, 120), 2),
+            ((120, 160), 2),
+            ((64, 48), 5),
+            ((100, 4_000), 3),
+            ((320, 159), 2),
+            ((320, 160), 1),
+            ((640, 480), 1),
+            ((30, 30), 8),
+            ((29, 40), 1),
+            ((0, 0), 1),
+        ] {
+            assert_eq!(enlargement(size), factor, "{size:?}");
+        }
+    }
 
     #[test]
     fn most_images_decide_and_not_the_first() {

@@ -32,6 +32,7 @@ pub mod synthetic;
 pub use adjusted::scale_between;
 pub use capture::exif_time;
 pub use check::{CheckOptions, CheckReport, PlaceSummary, SizeCount};
+pub(crate) use doubt::needs_room;
 pub use doubt::{blind_doubt, blindness};
 pub use file_image::FileImage;
 pub use lookup::{FileIdentity, Lookup};

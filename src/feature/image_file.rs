@@ -161,6 +161,11 @@ impl LoadOptions {
         self.rotation == Rotation::None && self.crop.is_none() && self.scale == 1.0
     }
 
+    /// Whether an image is scaled.
+    pub(crate) fn changes_scale(&self) -> bool {
+        self.scale != 1.0
+    }
+
     /// [`apply`](Self::apply) for a mask: a scaled pixel that touches a hidden one is hidden. The
     /// result is 0 or 255.
     pub fn apply_to_mask(&self, mut mask: GrayImage) -> Result<GrayImage> {

@@ -7,9 +7,10 @@ use super::config::{KeepAppearances, LearnConfig, Recipe};
 use super::expectation::Expectations;
 use super::guard::{Circumstances, Guard, contradicts};
 use super::guard_config::{ClockPolicy, Judge};
+use super::online::{self, Reobserving};
+use super::reference;
 use super::stay::{Part, Stays};
 use super::visit::{Found, Learnt, Observation, Scratch};
-use super::{online, reference};
 use crate::feature::{Features, FeaturesView, GrayImage};
 use crate::localize::Score;
 use crate::map::{
@@ -406,10 +407,13 @@ impl Learner {
     /// Looks for the features of the place at `index` in an image (online recipe).
     fn find(&mut self, index: usize, observation: &Observation<'_>, features: &Features) -> Found {
         let node = &self.snapshot.nodes()[index];
+        let reobserving = Reobserving {
+            matcher: &self.reobserve,
+            window: self.cfg.vote().for_grid(self.snapshot.grid_step_px()),
+        };
         online::find(
             &self.cfg,
-            &self.cfg.vote().for_grid(self.snapshot.grid_step_px()),
-            &self.reobserve,
+            &reobserving,
             &mut self.scratch,
             node.features().view(),
             observation,

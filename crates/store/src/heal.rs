@@ -23,7 +23,7 @@ use fremen::error::{Error, ErrorKind, Result};
 use crate::connection::{Access, BUSY_TIMEOUT, connect, connect_image, is_interrupted};
 use crate::fault::Faults;
 use crate::header::alone;
-use crate::journal::{change_counter, has_journal, journal_of, played};
+use crate::journal::{change_counter, has_journal, holds_first_page, journal_of, played};
 use crate::kind::Kind;
 use crate::transaction::{Check, Reader};
 
@@ -58,6 +58,8 @@ pub(crate) fn settle(kind: &'static Kind, path: &Path, check: Check) -> Result<S
     let file = fremen::file::read(path, u64::MAX)?;
     let journal = fremen::file::read(&journal_path, u64::MAX)?;
     let image = played(&file, &journal);
+    // A journal without the first page does not say how often its file was committed to.
+    let says_which = holds_first_page(&journal);
     let is_one_before = image.as_deref().is_some_and(|image| {
         let (before, now) = (change_counter(image), change_counter(&file));
         now == before || now == before.map(|it| it.wrapping_add(1))
@@ -66,7 +68,7 @@ pub(crate) fn settle(kind: &'static Kind, path: &Path, check: Check) -> Result<S
     let once_played = (image.as_deref()).map(|image| standing(kind, image, check));
     match (as_it_is, once_played, image) {
         (Ok(now), Some(Ok(then)), Some(image)) if now == then => Ok(play(kind, path, image)),
-        (Ok(_), ..) if is_one_before => Ok(drop_journal(path, &journal_path, file)),
+        (Ok(_), ..) if is_one_before && says_which => Ok(drop_journal(path, &journal_path, file)),
         (Ok(_), ..) => Ok(put_aside(kind, path, &journal_path, file)),
         (Err(_), Some(Ok(_)), Some(image)) if is_one_before => Ok(play(kind, path, image)),
         (Err(cause), ..) => Err(Error::new(

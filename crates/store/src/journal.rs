@@ -101,6 +101,16 @@ pub(crate) fn played(file: &[u8], journal: &[u8]) -> Option<Vec<u8>> {
     Some(image)
 }
 
+/// Whether a journal's first segment holds the first page of a file, which says how often the file
+/// was committed to.
+pub(crate) fn holds_first_page(journal: &[u8]) -> bool {
+    let Some(segment) = Segment::at(journal, 0) else {
+        return false;
+    };
+    let records = journal.get(segment.sector_bytes..).unwrap_or_default();
+    (records.chunks_exact(segment.page_bytes + 8)).any(|record| word(record, 0) == Some(1))
+}
+
 /// Puts the page of a record back where it was, the first time that it comes; `None` where the
 /// journal ends.
 fn put_back(

@@ -194,6 +194,34 @@ fn colmap_2104_images_are_turned_cut_and_scaled_as_the_options_say() {
 }
 
 #[test]
+fn autoware_1030_images_too_small_for_features_are_enlarged() {
+    let fixture = Fixture::new();
+    let filter = image::imageops::FilterType::Triangle;
+    let mut index = "path,place,time\n".to_owned();
+    for place in 0..3 {
+        let small = picture(place).resize_exact(160, 120, filter);
+        fixture.write(&format!("small/{place}.png"), encoded(&small.to_luma8()));
+        index += &format!("{place}.png,place-{place},2024-05-01T08:00:00Z\n");
+    }
+    fixture.write("small/index.csv", &index);
+    fixture
+        .succeeds("dataset check small")
+        .prints(&["problems  0"]);
+    fixture
+        .succeeds("map build --data small --out small.map")
+        .notes(&["3 images of another resolution are scaled to 320 x 240 px"]);
+    let time = "--time 2024-05-02T08:00:00Z";
+    for place in 0..3 {
+        fixture
+            .succeeds(&format!("localize small.map small/{place}.png {time}"))
+            .prints(&[&format!("decision      place-{place}")]);
+    }
+    // Who says how large images shall be is believed.
+    let built = "map build --data small --out as-they-are.map --scale 0.9";
+    fixture.fails(built, &["fewer than 10"]);
+}
+
+#[test]
 fn rtabmap_612_a_folder_that_was_renamed_is_known() {
     let fixture = Fixture::new();
     fixture.succeeds("map build --data data --out a.map");

@@ -102,6 +102,25 @@ fn two_do_not_undo_a_commit_at_once() {
 }
 
 #[test]
+fn another_files_journal_without_a_first_page_is_put_aside_and_not_lost() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (other, path) = (
+        folder.path().join("other.grid"),
+        folder.path().join("a.grid"),
+    );
+    grid(&other, 9);
+    let (_, journal) = interrupted(&other);
+    fs::remove_file(&other).expect("ours");
+    let expected = grid(&path, 4);
+    fs::write(journal_of(&path), &journal).expect("writable");
+    let opened = Grid::open(&GRID, &path, Access::ReadWrite).expect("whole as it is");
+    assert_eq!(opened.known.counts, expected);
+    assert_eq!(names(folder.path()), ["a.grid", "a.grid.stray-journal"]);
+    let aside = fs::read(folder.path().join("a.grid.stray-journal")).expect("there");
+    assert_eq!(aside, journal);
+}
+
+#[test]
 fn a_journal_that_lies_where_a_file_is_made_is_put_aside() {
     let folder = tempfile::tempdir().expect("a folder");
     let (old, path) = (folder.path().join("old.grid"), folder.path().join("a.grid"));

@@ -200,8 +200,8 @@ fn autoware_1030_images_too_small_for_features_are_enlarged() {
     let mut index = "path,place,time\n".to_owned();
     for place in 0..3 {
         let small = picture(place).resize_exact(160, 120, filter);
-        fixture.write(&format!("small/{place}.png"), encoded(&small.to_luma8()));
-        index += &format!("{place}.png,place-{place},2024-05-01T08:00:00Z\n");
+        fixture.write(format!("small/{place}.png"), encoded(&small.to_luma8()));
+        let _ = writeln!(index, "{place}.png,place-{place},2024-05-01T08:00:00Z");
     }
     fixture.write("small/index.csv", &index);
     fixture

@@ -345,7 +345,7 @@ impl Training {
     /// of them; and, where it is known what time it is, impossible times.
     fn set_aside(&mut self, now: Option<Time>, may_grow: bool) {
         let size = self.learner.map().snapshot().meta().image_size;
-        self.scaled = self.dataset.set_aside(now, size, may_grow);
+        self.scaled = self.dataset.set_aside_growing(now, size, may_grow);
         self.num_images = self.dataset.entries.len();
         self.report.problems.append(&mut self.dataset.problems);
     }

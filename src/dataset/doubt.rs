@@ -43,12 +43,20 @@ type Size = (u32, u32);
 impl Dataset {
     /// Moves the entries whose time (if it is known what time it is) or size cannot be right to the
     /// problems, and has those scaled whose images only have another resolution; `size` is what
-    /// images must have, if that is known. If it is not, and images that are too small for features
-    /// `may_grow`, all of them are enlarged alike. Gives the size that is left, and how many are
-    /// scaled.
+    /// images must have, if that is known. Gives the size that is left, and how many are scaled.
     ///
     /// Sizes are read from the files' headers. O(entries).
     pub fn set_aside(
+        &mut self,
+        now: Option<Time>,
+        size: Option<(u32, u32)>,
+    ) -> (Option<(u32, u32)>, usize) {
+        self.set_aside_growing(now, size, false)
+    }
+
+    /// [`set_aside`](Self::set_aside); where no size is known, images that are too small for features
+    /// may grow, all alike.
+    pub(crate) fn set_aside_growing(
         &mut self,
         now: Option<Time>,
         size: Option<(u32, u32)>,

@@ -102,7 +102,7 @@ impl ExtractorConfig {
         id
     }
 
-    /// Whether the features of the extractor with this id lie on a grid, whose step is their size.
+    /// Whether the features of the extractor with this id lie on a grid over the whole image.
     pub(crate) fn is_on_grid(id: &str) -> bool {
         id.split(':').next() == Some("onnx")
     }

@@ -7,17 +7,16 @@ use super::config::{KeepAppearances, LearnConfig, Recipe};
 use super::expectation::Expectations;
 use super::guard::{Circumstances, Guard, contradicts};
 use super::guard_config::{ClockPolicy, Judge};
-use super::online::{self, Reobserving};
-use super::reference;
 use super::stay::{Part, Stays};
 use super::visit::{Found, Learnt, Observation, Scratch};
+use super::{online, reference};
 use crate::feature::{Features, FeaturesView, GrayImage};
 use crate::localize::Score;
 use crate::map::{
     AppearanceUse, MAX_TEXT_BYTES, MapMeta, MaskRuns, Node, PlaceKey, Quarantine, QuarantineReason,
     QuarantinedVisit, Reobservation, SessionId, Snapshot, Visit, VisitId, features_digest,
 };
-use crate::matching::{Matcher, VoteConfig, displacements_into, vote_displacement};
+use crate::matching::{Matcher, displacements_into, vote_displacement};
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::visibility::BitRow;
 
@@ -407,13 +406,9 @@ impl Learner {
     /// Looks for the features of the place at `index` in an image (online recipe).
     fn find(&mut self, index: usize, observation: &Observation<'_>, features: &Features) -> Found {
         let node = &self.snapshot.nodes()[index];
-        let reobserving = Reobserving {
-            matcher: &self.reobserve,
-            window: self.cfg.vote().for_grid(self.snapshot.grid_step_px()),
-        };
         online::find(
             &self.cfg,
-            &reobserving,
+            &self.reobserve,
             &mut self.scratch,
             node.features().view(),
             observation,
@@ -621,8 +616,6 @@ impl Learner {
             let row = self.snapshot.nodes()[own].unlocated(AppearanceUse::Recognised);
             return (row, false);
         }
-        let window = self.cfg.experience().vote();
-        let window = window.for_grid(self.snapshot.grid_step_px());
         let mut best_other = self.cfg.experience().min_score().max(1) - 1;
         let mut own_scores = Vec::new();
         for (index, node) in self.snapshot.nodes().iter().enumerate() {
@@ -632,7 +625,7 @@ impl Learner {
                 // An experience whose appearance was dropped locates nothing.
                 let score = visit.appearance.as_ref().map_or(0, |appearance| {
                     let view = appearance.view().prefix(self.cfg.experience_features());
-                    (self.scratch).score(&self.experience, &self.cfg, &window, view, live)
+                    (self.scratch).score(&self.experience, &self.cfg, view, live)
                 });
                 if index == own {
                     own_scores.push(score);
@@ -676,7 +669,6 @@ impl Scratch {
         &mut self,
         matcher: &Matcher,
         cfg: &LearnConfig,
-        window: &VoteConfig,
         map: FeaturesView<'_>,
         live: FeaturesView<'_>,
     ) -> u32 {
@@ -692,7 +684,8 @@ impl Scratch {
                     live.keypoints,
                     &mut self.displacements,
                 );
-                vote_displacement(window, &mut self.vote, &self.displacements).num_inliers
+                vote_displacement(cfg.experience().vote(), &mut self.vote, &self.displacements)
+                    .num_inliers
             }
         }
     }

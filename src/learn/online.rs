@@ -12,19 +12,12 @@
 use super::config::LearnConfig;
 use super::visit::{Found, Observation, Scratch};
 use crate::feature::{Features, FeaturesView, Keypoint};
-use crate::matching::{Displacement, Matcher, VoteConfig, displacements_into, vote_displacement};
+use crate::matching::{Displacement, Matcher, displacements_into, vote_displacement};
 use fremen::visibility::BitRow;
-
-/// How the features of a place are found again.
-pub(super) struct Reobserving<'a> {
-    pub(super) matcher: &'a Matcher,
-    /// In which displacements agree.
-    pub(super) window: VoteConfig,
-}
 
 pub(super) fn find(
     cfg: &LearnConfig,
-    reobserving: &Reobserving<'_>,
+    matcher: &Matcher,
     scratch: &mut Scratch,
     known: FeaturesView<'_>,
     observation: &Observation<'_>,
@@ -38,9 +31,9 @@ pub(super) fn find(
         vote,
         ..
     } = scratch;
-    (reobserving.matcher).matches_into(matching, known, live.view(), matches);
+    matcher.matches_into(matching, known, live.view(), matches);
     displacements_into(matches, known.keypoints, live.keypoints(), displacements);
-    let agreed = vote_displacement(&reobserving.window, vote, displacements);
+    let agreed = vote_displacement(cfg.vote(), vote, displacements);
     let is_located = agreed.num_inliers >= cfg.min_inliers();
     let shift = if is_located {
         agreed.median

@@ -21,7 +21,6 @@ pub fn have_in_common(cfg: &LearnConfig, a: &Snapshot, b: &Snapshot) -> bool {
         return true;
     }
     let matcher = Matcher::new(cfg.reobserve().clone());
-    let window = cfg.vote().for_grid(a.grid_step_px());
     let mut scratch = Scratch::default();
     a.nodes().iter().any(|node| {
         b.find(node.key()).is_some_and(|other| {
@@ -35,7 +34,7 @@ pub fn have_in_common(cfg: &LearnConfig, a: &Snapshot, b: &Snapshot) -> bool {
             } = &mut scratch;
             matcher.matches_into(matching, known.view(), live.view(), matches);
             displacements_into(matches, known.keypoints(), live.keypoints(), displacements);
-            let agreed = vote_displacement(&window, vote, displacements);
+            let agreed = vote_displacement(cfg.vote(), vote, displacements);
             agreed.num_inliers >= cfg.min_inliers()
         })
     })

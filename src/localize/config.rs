@@ -606,13 +606,6 @@ impl LocalizerConfig {
         &self.0.vote
     }
 
-    /// The same for a map whose features lie on a grid of this step, px, if they do.
-    #[must_use]
-    pub(crate) fn for_grid(mut self, step_px: Option<f32>) -> Self {
-        self.0.vote = self.0.vote.for_grid(step_px);
-        self
-    }
-
     /// How visibility is modelled.
     pub fn visibility(&self) -> &VisibilityConfig {
         &self.0.visibility

@@ -107,7 +107,6 @@ impl PlannedMap {
         plans: Vec<Arc<Plan>>,
     ) -> Self {
         let num_visits = snapshot.nodes().iter().map(|node| node.visits().len());
-        let cfg = cfg.for_grid(snapshot.grid_step_px());
         Self {
             num_live: cfg.num_live(num_visits),
             matcher: Matcher::new(cfg.matching().clone()),

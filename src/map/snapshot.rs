@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::limits::{MAX_ATTACHMENT_BYTES, MAX_ATTACHMENT_NAME_BYTES, MAX_TEXT_BYTES};
 use super::node::Node;
 use super::types::{AppearanceUse, Edge, MapMeta, NodeId, PlaceKey, Visit};
-use crate::feature::{ExtractorConfig, Features};
+use crate::feature::Features;
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
 use fremen::visibility::BitRow;
@@ -102,15 +102,6 @@ impl Snapshot {
     /// What holds for the whole map.
     pub fn meta(&self) -> &MapMeta {
         &self.meta
-    }
-
-    /// The step of the grid that features lie on, px; `None` where they lie anywhere.
-    pub(crate) fn grid_step_px(&self) -> Option<f32> {
-        if !ExtractorConfig::is_on_grid(&self.meta.extractor) {
-            return None;
-        }
-        let mut features = self.nodes.iter().map(|node| node.features().keypoints());
-        features.find_map(|keypoints| keypoints.first().map(|it| it.size))
     }
 
     /// The places, in order of creation; [`NodeId`] is a position among them.

@@ -133,19 +133,6 @@ impl VoteConfig {
         self.0.height_px
     }
 
-    /// The same, for features on a grid of this step if they lie on one, px: their displacements are
-    /// whole steps, and a movement between two of them shows as both. A window that is lower than a
-    /// step would hold one of them only.
-    #[must_use]
-    pub(crate) fn for_grid(&self, step_px: Option<f32>) -> Self {
-        // A little more, because positions are rounded.
-        let least = step_px.map_or(0.0, |step| 1.01 * f64::from(step));
-        let mut cfg = self.clone();
-        cfg.0.width_px = cfg.0.width_px.max(least);
-        cfg.0.height_px = cfg.0.height_px.max(least);
-        cfg
-    }
-
     /// The limit of displacements.
     pub fn limit(&self) -> Option<Window> {
         self.0.limit
@@ -451,27 +438,6 @@ mod tests {
         let vote = vote_subset(&all, &mut scratch, &displacements, &[4, 0, 3]);
         assert_eq!(vote.num_inliers, 2);
         assert_eq!(scratch.inliers(), [true, false, true]);
-    }
-
-    #[test]
-    fn on_a_grid_a_movement_between_two_steps_is_one() {
-        // A camera that moved by half a cell of 48 x 24 px: half of the features say 0, half a step.
-        let displacements = at(&[
-            (0.0, 0.0),
-            (48.0, 0.0),
-            (0.0, 24.0),
-            (48.0, 24.0),
-            (96.0, 24.0),
-        ]);
-        let mut scratch = VoteScratch::default();
-        let mut num_inliers =
-            |cfg: &VoteConfig| vote_displacement(cfg, &mut scratch, &displacements).num_inliers;
-        let anywhere = VoteConfig::default();
-        assert_eq!(num_inliers(&anywhere), 1);
-        assert_eq!(num_inliers(&anywhere.for_grid(Some(48.0))), 4);
-        assert_eq!(anywhere.for_grid(None), anywhere);
-        // A window that holds more steps stays as it is.
-        assert_eq!(anywhere.for_grid(Some(16.0)), anywhere);
     }
 
     #[test]

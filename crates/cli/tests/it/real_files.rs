@@ -196,6 +196,7 @@ fn colmap_2104_images_are_turned_cut_and_scaled_as_the_options_say() {
 #[test]
 fn autoware_1030_images_too_small_for_features_are_enlarged() {
     let fixture = Fixture::new();
+    fs::create_dir(fixture.path("small")).expect("writable");
     let filter = image::imageops::FilterType::Triangle;
     let mut index = "path,place,time\n".to_owned();
     for place in 0..3 {

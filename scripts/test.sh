@@ -93,13 +93,14 @@ cargo test --locked --workspace --features opencv,parquet,onnx </dev/null 2>&1 |
 
 # The engine's own: the command and the evaluation call the same kernels.
 engine_tests=$(cargo test --locked --workspace --features opencv,parquet,onnx --lib --test it \
-    --no-run --message-format json 2>/dev/null | sed -n 's/.*#chronotope@.*"executable":"\([^"]*\)".*/\1/p')
+    --no-run --message-format json 2>/dev/null |
+    sed -n "s|.*\"manifest_path\":\"$(pwd -P)/Cargo.toml\".*\"executable\":\"\([^\"]*\)\".*|\1|p")
 [ "$(wc -l <<<"$engine_tests")" = 2 ] || fail "unit tests and tests/it are expected, not $engine_tests"
 for kernel in $(other_kernels); do
     say "tests of matching and localising with kernel $kernel"
-    for tests in $engine_tests; do
+    while read -r tests; do
         CHRONOTOPE_KERNEL=$kernel "$tests" simd matching localize learn </dev/null
-    done
+    done <<<"$engine_tests"
 done
 
 # The same command as above, whose answers the package has to give bit for bit.

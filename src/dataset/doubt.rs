@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use super::adjusted::{adjusted, scale_between};
 use super::types::{Clock, Dataset, Entry, Problem};
-use crate::feature::{Extractor, ExtractorConfig, GrayImage, LoadOptions};
+use crate::feature::{Extractor, GrayImage, LoadOptions};
 use fremen::error::Result;
 use fremen::time::Time;
 
@@ -272,7 +272,7 @@ pub(super) fn look(
 
 /// Whether an extractor finds nothing in small images; a network sees all at one size.
 pub(crate) fn needs_room(extractor: &dyn Extractor) -> bool {
-    !ExtractorConfig::is_on_grid(&extractor.id())
+    extractor.id().split(':').next() != Some("onnx")
 }
 
 #[cfg(test)]

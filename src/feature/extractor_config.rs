@@ -102,11 +102,6 @@ impl ExtractorConfig {
         id
     }
 
-    /// Whether the features of the extractor with this id lie on a grid over the whole image.
-    pub(crate) fn is_on_grid(id: &str) -> bool {
-        id.split(':').next() == Some("onnx")
-    }
-
     /// Reads what [`id`](Self::id) wrote; parameters that are not named have their defaults.
     pub fn from_id(id: &str) -> Result<Self> {
         let bad = |cause: &str| {

@@ -77,7 +77,10 @@ dashboard_target=${CARGO_TARGET_DIR:-crates/dashboard/target}
 dashboard_log=$(realpath "$(dirname "$log")")/dashboard.log
 cargo fmt --manifest-path crates/dashboard/Cargo.toml --all --check
 export dashboard_target
-setsid nice -n 19 bash -ec '
+# A process group of its own, so that nothing of it outlives this script; not a session, within which alone
+# `nice` counts on many systems.
+set -m
+nice -n 19 bash -ec '
     # What maturin has to build then is little more than the package.
     cargo build --locked --release --manifest-path bindings/python/Cargo.toml
     bash scripts/robots.sh tools
@@ -86,6 +89,7 @@ setsid nice -n 19 bash -ec '
         --config crates/dashboard/quick.toml --target-dir "$dashboard_target"
 ' </dev/null >"$dashboard_log" 2>&1 &
 building=$!
+set +m
 trap 'kill -- "-$building" 2>/dev/null || true' EXIT
 
 say "tests: workspace with opencv, and doctests"
@@ -107,14 +111,15 @@ done
 say "python"
 CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope") bash scripts/python.sh
 
-# Maps from bags are compared with those of the same command.
+say "dashboard: what has been built meanwhile"
+wait "$building" || { cat "$dashboard_log"; fail "the dashboard cannot be built"; }
+
+# Maps from bags are compared with those of the same command. Nodes answer within times: nothing else runs.
 say "robots"
 CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope") bash scripts/robots.sh
 
 # No release, no debug information (crates/dashboard/Cargo.toml), and no clippy, which would go through 400 crates
 # a second time.
-say "dashboard: what has been built meanwhile"
-wait "$building" || { cat "$dashboard_log"; fail "the dashboard cannot be built"; }
 say "dashboard: tests, the evaluation that records"
 CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope") \
     CHRONOTOPE_EVAL=$(realpath "$dashboard_target/debug/chronotope-eval") \

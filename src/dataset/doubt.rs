@@ -63,9 +63,10 @@ impl Dataset {
         may_grow: bool,
     ) -> (Option<(u32, u32)>, usize) {
         let sizes = self.sizes();
-        let found = (self.image_size).or_else(|| most_common(sizes.iter().flatten()));
-        let grown = found.map(|found| times(found, if may_grow { enlargement(found) } else { 1 }));
-        let usual = size.or(grown);
+        let usual = size.or_else(|| {
+            let found = (self.image_size).or_else(|| most_common(sizes.iter().flatten()))?;
+            Some(times(found, if may_grow { enlargement(found) } else { 1 }))
+        });
         let doubts = self.doubts(now, &sizes, usual);
         let entries = std::mem::take(&mut self.entries);
         let mut num_scaled = 0;

@@ -166,18 +166,7 @@ fn describe(header: &[u8]) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    static NOTES: Kind = Kind {
-        noun: "note",
-        application_id: 0x6e6f_7465,
-        version: 2,
-        tables: |_| &[],
-        references: &[],
-        program: "notes",
-        tool: "notes file",
-        maker: "notes file new",
-        help_for_folder: "a note is one file",
-    };
+    use crate::kind::tests::NOTES;
 
     /// The header of a note of seven pages.
     fn header(page_size: [u8; 2]) -> Vec<u8> {

@@ -125,13 +125,13 @@ impl Kind {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use rusqlite::ffi;
 
-    static NOTES: Kind = Kind {
+    pub(crate) static NOTES: Kind = Kind {
         noun: "note",
-        application_id: 1,
+        application_id: 0x6e6f_7465,
         version: 2,
         tables: |_| &[],
         references: &[],

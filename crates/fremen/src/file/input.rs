@@ -140,6 +140,14 @@ fn check_is_regular(path: &Path, metadata: &Metadata) -> Result<()> {
 mod tests {
     use super::*;
 
+    #[cfg(unix)]
+    fn pipe_in(folder: &Path, name: &str) -> std::path::PathBuf {
+        let pipe = folder.join(name);
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        assert!(made.expect("mkfifo").success());
+        pipe
+    }
+
     #[test]
     fn a_file_is_read_up_to_its_limit_and_nothing_else_is_opened() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -162,9 +170,7 @@ mod tests {
     #[test]
     fn neither_a_pipe_nor_a_device_is_opened() {
         let folder = tempfile::tempdir().expect("a folder");
-        let pipe = folder.path().join("pipe");
-        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
-        assert!(made.expect("mkfifo").success());
+        let pipe = pipe_in(folder.path(), "pipe");
         for path in [&*pipe, Path::new("/dev/zero")] {
             let error = read(path, 9).expect_err("no file");
             assert!(error.to_string().contains("pipe or a device"), "{error}");
@@ -176,9 +182,7 @@ mod tests {
     #[test]
     fn a_pipe_is_not_even_opened() {
         let folder = tempfile::tempdir().expect("a folder");
-        let pipe = folder.path().join("pipe");
-        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
-        assert!(made.expect("mkfifo").success());
+        let pipe = pipe_in(folder.path(), "pipe");
         let writer = std::thread::spawn({
             let pipe = pipe.clone();
             move || OpenOptions::new().write(true).open(pipe)
@@ -192,9 +196,7 @@ mod tests {
         writer.join().expect("no panic").expect("somebody reads");
         // Were one to come between looking and opening, nobody would wait for its other end.
         let (opened, is_open) = std::sync::mpsc::channel();
-        let lonely = folder.path().join("lonely");
-        let made = std::process::Command::new("mkfifo").arg(&lonely).status();
-        assert!(made.expect("mkfifo").success());
+        let lonely = pipe_in(folder.path(), "lonely");
         std::thread::spawn(move || opened.send(unblocked().read(true).open(lonely).is_ok()));
         let patience = std::time::Duration::from_secs(20);
         assert_eq!(is_open.recv_timeout(patience), Ok(true));

@@ -5,13 +5,7 @@ use std::fs;
 use chronotope_store::{Access, Faults, Reader, Store, ends};
 use fremen::error::ErrorKind;
 
-use crate::counts::{Counts, FIRST, GRID, Grid, REMARK, RESET, SAMPLE};
-
-fn folder() -> tempfile::TempDir {
-    tempfile::tempdir_in("/dev/shm")
-        .or_else(|_| tempfile::tempdir())
-        .expect("temporary folder")
-}
+use crate::counts::{Counts, FIRST, GRID, Grid, REMARK, RESET, SAMPLE, folder};
 
 fn counts(cells: &[(i64, i64)]) -> Counts {
     Counts(cells.iter().copied().collect())

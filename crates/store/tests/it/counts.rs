@@ -10,6 +10,12 @@ use chronotope_store::{
 use fremen::error::Result;
 use sha2::{Digest, Sha256};
 
+pub(crate) fn folder() -> tempfile::TempDir {
+    tempfile::tempdir_in("/dev/shm")
+        .or_else(|_| tempfile::tempdir())
+        .expect("temporary folder")
+}
+
 pub(crate) const GENERATION: Table = Table {
     name: "generation",
     create: "CREATE TABLE generation (number INTEGER PRIMARY KEY, parent INTEGER, \

@@ -5,13 +5,7 @@ use std::path::Path;
 use chronotope_store::{Access, Fault, Faults, Store, Table, ValueRef, row_crc};
 use fremen::error::{Error, ErrorKind, Result};
 
-use crate::counts::{CELL, GENERATION, GRID, Grid, REMARK, check};
-
-fn folder() -> tempfile::TempDir {
-    tempfile::tempdir_in("/dev/shm")
-        .or_else(|_| tempfile::tempdir())
-        .expect("temporary folder")
-}
+use crate::counts::{CELL, GENERATION, GRID, Grid, REMARK, check, folder};
 
 /// Changes rows by hand, and gives them the checksums that they should have then.
 fn change(path: &Path, table: &'static Table, sql: &str) {

@@ -70,24 +70,26 @@ fi
 say "tests: workspace with opencv; their build"
 cargo test --locked --workspace --features opencv,parquet,onnx --no-run
 
-# Much of what follows waits, or keeps one processor busy: what needs no more than a processor is built meanwhile.
-# The dashboard with the evaluation that records shares most of rerun's 400 crates (crates/dashboard/quick.toml).
-say "wheel, cbindgen, dashboard: built beside the tests"
-dashboard_target=${CARGO_TARGET_DIR:-crates/dashboard/target}
-dashboard_log=$(realpath "$(dirname "$log")")/dashboard.log
-cargo fmt --manifest-path crates/dashboard/Cargo.toml --all --check
-export dashboard_target
+# Much of what follows waits, or keeps one processor busy: what needs no more than a processor is built meanwhile,
+# in a folder of its own, since cargo builds one thing at a time in a folder. The three workspaces share there what
+# they have in common (.cargo/config.toml).
+say "bindings and dashboard: built beside the tests"
+beside=${CARGO_TARGET_DIR:-target}/beside
+mkdir -p "$beside"
+beside=$(realpath "$beside")
+export beside
 # A process group of its own, so that nothing of it outlives this script; not a session, within which alone
 # `nice` counts on many systems.
 set -m
-nice -n 19 bash -ec '
+CARGO_TARGET_DIR=$beside nice -n 19 bash -ec '
+    cargo fmt --manifest-path crates/dashboard/Cargo.toml --all --check
     # What maturin has to build then is little more than the package.
-    cargo build --locked --release --manifest-path bindings/python/Cargo.toml
+    cargo build --locked --manifest-path bindings/python/Cargo.toml
+    cargo test --locked --no-run --manifest-path bindings/Cargo.toml --workspace
     bash scripts/robots.sh tools
     cargo test --locked --no-run --manifest-path crates/dashboard/Cargo.toml
-    cargo build --locked -p chronotope-eval --features dashboard \
-        --config crates/dashboard/quick.toml --target-dir "$dashboard_target"
-' </dev/null >"$dashboard_log" 2>&1 &
+    cargo build --locked -p chronotope-eval --features dashboard
+' </dev/null >"$beside.log" 2>&1 &
 building=$!
 set +m
 trap 'kill -- "-$building" 2>/dev/null || true' EXIT
@@ -108,21 +110,21 @@ for kernel in $(other_kernels); do
 done
 
 # The same command as above, whose answers the package has to give bit for bit.
+CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope")
+export CHRONOTOPE_COMMAND
 say "python"
-CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope") bash scripts/python.sh
+CARGO_TARGET_DIR=$beside PROFILE=dev bash scripts/python.sh
 
-say "dashboard: what has been built meanwhile"
-wait "$building" || { cat "$dashboard_log"; fail "the dashboard cannot be built"; }
+say "bindings and dashboard: the rest of their build"
+wait "$building" || { cat "$beside.log"; fail "bindings or dashboard cannot be built"; }
 
 # Maps from bags are compared with those of the same command. Nodes answer within times: nothing else runs.
 say "robots"
-CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope") bash scripts/robots.sh
+CARGO_TARGET_DIR=$beside bash scripts/robots.sh
 
-# No release, no debug information (crates/dashboard/Cargo.toml), and no clippy, which would go through 400 crates
-# a second time.
+# No release and no clippy, which would go through 400 crates a second time.
 say "dashboard: tests, the evaluation that records"
-CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope") \
-    CHRONOTOPE_EVAL=$(realpath "$dashboard_target/debug/chronotope-eval") \
+CARGO_TARGET_DIR=$beside CHRONOTOPE_EVAL=$beside/debug/chronotope-eval \
     cargo test --locked --manifest-path crates/dashboard/Cargo.toml </dev/null
 
 say "done"

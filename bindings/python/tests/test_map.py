@@ -329,12 +329,12 @@ def test_a_map_replaced_on_disk_is_noticed(
     other = Map.create(tmp_path / "other.map", name="another map")
     other.close()
     os.replace(tmp_path / "other.map", map_path)
-    # What was read stays; what is asked of the file is an error or the old file's, never a mixture.
+    # What was read stays; what is asked of the file is an error, never a mixture.
     assert map_[first].name == first
-    try:
-        map_.rename_place(first, "gate")
-    except chronotope.Error as error:
-        assert error.path == str(map_path)
+    for ask in [map_.refresh, lambda: map_.rename_place(first, "gate")]:
+        with pytest.raises(chronotope.Error, match="replaced since it was opened") as caught:
+            ask()
+        assert caught.value.path == str(map_path)
     assert len(Map.open(map_path)) == 0
     assert Map.verify_file(map_path)["clean"] is True
 

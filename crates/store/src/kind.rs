@@ -56,14 +56,9 @@ impl Kind {
                 format!("the disk is full; the {noun} stays as it was"),
                 "free some space and repeat".into(),
             ),
-            Some(Code::ReadOnly) if extended == Some(rusqlite::ffi::SQLITE_READONLY_DBMOVED) => (
-                ErrorKind::Io,
-                format!(
-                    "the {noun} was moved away, deleted or replaced since it was opened; nothing is \
-                     written"
-                ),
-                format!("open the {noun} again and repeat the change"),
-            ),
+            Some(Code::ReadOnly) if extended == Some(rusqlite::ffi::SQLITE_READONLY_DBMOVED) => {
+                return self.moved("nothing is written");
+            }
             Some(Code::ReadOnly) => (
                 ErrorKind::Io,
                 "the file or its folder may not be written".into(),
@@ -97,6 +92,15 @@ impl Kind {
             ),
         };
         Error::new(kind, format!("{message} ({error})")).with_help(help)
+    }
+
+    /// What is said of a file that is no longer where it was opened.
+    pub(crate) fn moved(&self, consequence: &str) -> Error {
+        let message = format!(
+            "the {} was moved away, deleted or replaced since it was opened; {consequence}",
+            self.noun
+        );
+        Error::new(ErrorKind::Io, message).with_help(format!("open the {} again", self.noun))
     }
 
     /// What is said of a version that is not read.

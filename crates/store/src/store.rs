@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use fremen::error::{Error, ErrorKind, Result};
-use fremen::file::{Turn, Unfinished};
+use fremen::file::{Turn, Unfinished, number_at};
 use rusqlite::{Connection, Transaction, TransactionBehavior};
 
 use crate::connection::{Access, BUSY_TIMEOUT, connect, connect_image};
@@ -31,6 +31,8 @@ pub struct Store {
     kind: &'static Kind,
     check: Check,
     path: PathBuf,
+    /// Which file bore the name when it was opened.
+    number: Option<(u64, u64)>,
     connection: Connection,
     is_read_only: bool,
     /// Whether it is read from memory, because what a killed writer left cannot be undone here.
@@ -67,6 +69,7 @@ impl Store {
                 kind,
                 check,
                 path: path.to_path_buf(),
+                number: number_at(path)?,
                 connection,
                 is_read_only: false,
                 is_image: false,
@@ -106,11 +109,11 @@ impl Store {
                 }
                 read(reader)
             })?;
-            let path = path.to_path_buf();
             let store = Self {
                 kind,
                 check,
-                path,
+                path: path.to_path_buf(),
+                number: number_at(path)?,
                 connection,
                 is_read_only,
                 is_image,
@@ -195,9 +198,13 @@ impl Store {
             .map_err(|error| Error::io(&self.path, error))
     }
 
-    /// Runs `read` in one transaction that changes nothing.
+    /// Runs `read` in one transaction that changes nothing. Fails where the file was moved away, deleted or replaced
+    /// since it was opened (on Unix).
     pub fn read<T>(&mut self, read: impl FnOnce(&Reader<'_>) -> Result<T>) -> Result<T> {
         let read_it = || {
+            if self.number != number_at(&self.path)? {
+                return Err(self.kind.moved("nothing new is read"));
+            }
             if !self.is_image
                 && let Settled::Image(image) = settle(self.kind, &self.path, self.check)?
             {

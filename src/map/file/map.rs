@@ -160,7 +160,8 @@ impl Map {
         )
     }
 
-    /// Reads what other processes have committed since, and gives the newest snapshot.
+    /// Reads what other processes have committed since, and gives the newest snapshot. Fails where
+    /// the file was moved away, deleted or replaced since it was opened (on Unix).
     pub fn refresh(&self) -> Result<Arc<Snapshot>> {
         let mut stored = self.stored();
         let Stored { store, state } = &mut *stored;

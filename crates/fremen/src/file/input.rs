@@ -60,6 +60,23 @@ fn has_rights_of(_: &Metadata, _: &Metadata) -> bool {
     true
 }
 
+/// Device and number of the file that bears a name now: those of no other file as long as this one is open. `None`
+/// where no file bears it, and where the system's library does not say.
+pub fn number_at(path: impl AsRef<Path>) -> Result<Option<(u64, u64)>> {
+    let path = path.as_ref();
+    match std::fs::metadata(path) {
+        #[cfg(unix)]
+        Ok(found) => {
+            use std::os::unix::fs::MetadataExt;
+            Ok(Some((found.dev(), found.ino())))
+        }
+        #[cfg(not(unix))]
+        Ok(_) => Ok(None),
+        Err(cause) if cause.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(cause) => Err(Error::io(path, cause)),
+    }
+}
+
 /// The bytes of a regular file that has at most `max_bytes`.
 pub fn read(path: impl AsRef<Path>, max_bytes: u64) -> Result<Vec<u8>> {
     let path = path.as_ref();

@@ -11,6 +11,6 @@ pub mod output;
 mod turn;
 
 pub use folder::OutputFolder;
-pub use input::{open, open_beside, read, read_text};
+pub use input::{number_at, open, open_beside, read, read_text};
 pub use output::{OutputFile, OutputKind, Unfinished, rename_new, sync_folder_of};
 pub use turn::Turn;

@@ -77,28 +77,35 @@ fn two_writers_do_not_overwrite_each_other() {
 }
 
 #[test]
-fn a_file_that_was_moved_away_or_replaced_is_not_written_to() {
+fn a_file_that_was_moved_away_or_replaced_is_neither_written_to_nor_read_on() {
     let folder = folder();
     let (path, aside) = (folder.path().join("a.grid"), folder.path().join("b.grid"));
     let mut grid = Grid::create(&GRID, &path).expect("new");
     grid.commit(&[(1, 1)]).expect("extends");
     fs::copy(&path, &aside).expect("copied");
-    let commit_fails = |grid: &mut Grid| {
-        let error = grid.commit(&[(2, 2)]).expect_err("no longer there");
-        assert_eq!(error.kind(), ErrorKind::Io);
-        let text = error.to_string();
-        assert!(
-            text.contains("replaced since it was opened") && text.contains("open the grid again"),
-            "{text}"
-        );
+    let all_fails = |grid: &mut Grid| {
+        let errors = [
+            grid.commit(&[(2, 2)]).expect_err("no longer there"),
+            grid.at(1).map(drop).expect_err("no longer there"),
+        ];
+        for error in errors {
+            assert_eq!(error.kind(), ErrorKind::Io);
+            assert_eq!(error.path(), Some(path.as_path()));
+            let text = error.to_string();
+            assert!(
+                text.contains("replaced since it was opened")
+                    && text.contains("open the grid again"),
+                "{text}"
+            );
+        }
     };
     // A copy of the very same bytes.
     let copy = fs::read(&aside).expect("there");
     fs::rename(&aside, &path).expect("replaced");
-    commit_fails(&mut grid);
+    all_fails(&mut grid);
     assert_eq!(fs::read(&path).expect("there"), copy);
     fs::rename(&path, &aside).expect("moved");
-    commit_fails(&mut grid);
+    all_fails(&mut grid);
     assert!(!path.exists());
     // What was meant can be done where it is now.
     let mut moved = Grid::open(&GRID, &aside, Access::ReadWrite).expect("a grid");

@@ -158,6 +158,42 @@ fn what_is_located_is_learnt_and_the_next_answer_is_of_the_newer_map() {
     }
 }
 
+/// With an hour between commits only the end of the robot commits.
+#[test]
+fn what_was_learnt_last_is_kept_however_the_robot_ends() {
+    for (inline, finished) in [(true, true), (true, false), (false, true), (false, false)] {
+        let case = format!("inline: {inline}, finished: {finished}");
+        let folder = tempfile::tempdir().expect("temporary");
+        let path = map_file(folder.path());
+        let start = num_visits(&path);
+        let cfg = RobotConfig::default().with_commit_interval(Duration::from_secs(3_600));
+        let cfg = if inline {
+            cfg.with_learning_inline(LearnConfig::default())
+        } else {
+            cfg.with_learning(LearnConfig::default())
+        };
+        let mut robot = Robot::open(&path, cfg).expect("opens");
+        let generation = robot.localizer().snapshot().generation();
+        for (_, time, image) in drive(6) {
+            let frame = Frame::new(&image).at(time).with_now(time);
+            robot.see_frame(&frame).expect("fits");
+        }
+        let committed = (robot.events()).any(|event| matches!(event, Event::Committed { .. }));
+        assert!(!committed, "{case}: an hour has not passed");
+        assert_eq!(num_visits(&path), start, "{case}");
+        if finished {
+            let totals = robot.finish().expect("written");
+            assert!(totals.num_learnt > 0, "{case}: {totals:?}");
+            assert_eq!(num_visits(&path), start + totals.num_learnt, "{case}");
+        } else {
+            drop(robot);
+            assert!(num_visits(&path) > start, "{case}");
+        }
+        let map = Map::open_read_only(&path).expect("a map");
+        assert_eq!(map.snapshot().generation(), generation + 1, "{case}");
+    }
+}
+
 #[test]
 fn the_same_recorded_images_give_the_same_map_and_none_is_learnt_twice() {
     let digest = |times: usize| {

@@ -275,13 +275,23 @@ impl Localizer {
         out: &mut Localization,
     ) {
         let live = query.features.view().prefix(self.map.num_live);
-        match forecast {
-            Some(forecast) => self.match_predicted(scratch, forecast, live, out),
-            None => self.match_appearances(scratch, time, live, out),
+        let mut pairs_compared = 0;
+        let searches = [Among::These(query.prior), Among::All(query.prior)];
+        let are_all_matched = query.prior.is_empty() || self.map.plans.len() <= MIN_MATCHED;
+        for among in &searches[usize::from(are_all_matched)..] {
+            match forecast {
+                Some(forecast) => self.match_predicted(scratch, forecast, live, *among, out),
+                None => self.match_appearances(scratch, time, live, *among, out),
+            }
+            pairs_compared += out.pairs_compared;
+            out.pairs_compared = pairs_compared;
+            out.time = query.time;
+            self.compute_posterior(scratch, out);
+            out.decide(self.cfg(), |node| self.beside(node));
+            if let Decision::At(_) = out.decision {
+                return;
+            }
         }
-        out.time = query.time;
-        self.compute_posterior(scratch, out);
-        out.decide(self.cfg(), |node| self.beside(node));
     }
 
     /// Predicts all places; `None` where the method remembers appearances instead.
@@ -290,13 +300,13 @@ impl Localizer {
         (self.predicts()).then(|| self.forecasts.at(self.source(), predicted, time))
     }
 
-    /// Matches the predicted map of each place, or of each candidate, with the live image; verifies
-    /// and scores what matches.
+    /// Matches the predicted maps with the live image; verifies and scores what matches.
     fn match_predicted(
         &self,
         scratch: &mut Scratch,
         forecast: &Forecast,
         live: FeaturesView<'_>,
+        among: Among<'_>,
         out: &mut Localization,
     ) {
         let Scratch {
@@ -311,19 +321,28 @@ impl Localizer {
             ..
         } = scratch;
         of_nothing.clear();
-        let finder = forecast.shortlist(&self.finder);
-        if let Some(finder) = finder {
-            finder.shortlist_into(shortlist, live, LENGTH, places);
+        let are_some = match (among, forecast.shortlist(&self.finder)) {
+            (Among::These(prior), _) => {
+                self.list_prior(prior, places);
+                true
+            }
+            (Among::All(prior), Some(finder)) => {
+                finder.shortlist_into(shortlist, live, LENGTH, places);
+                add_places(prior, places);
+                true
+            }
+            (Among::All(_), None) => false,
+        };
+        let (all, ends) = if are_some {
             forecast.gather_into(places, ranked, ends);
-        }
-        let (all, ends) = match finder {
-            Some(_) => (ranked.view(), &ends[..]),
-            None => forecast.all_features(),
+            (ranked.view(), &ends[..])
+        } else {
+            forecast.all_features()
         };
         out.restart(ends.len());
         out.pairs_compared = (all.len() * live.len()) as u64;
         (self.map.matcher).parts_into(matching, all, ends, live, |part, matches| {
-            let id = finder.map_or(NodeId(part as u32), |_| NodeId(places[part]));
+            let id = NodeId(if are_some { places[part] } else { part as u32 });
             let candidate = &mut out.ranking[part];
             candidate.restart(id);
             of_nothing.push((forecast.expectation(id)).map_or(0.0, Expectation::of_nothing));
@@ -335,13 +354,13 @@ impl Localizer {
         });
     }
 
-    /// Matches the remembered appearances of each place with the live image; verifies and scores
-    /// what matches.
+    /// Matches the remembered appearances with the live image; verifies and scores what matches.
     fn match_appearances(
         &self,
         scratch: &mut Scratch,
         time: Time,
         live: FeaturesView<'_>,
+        among: Among<'_>,
         out: &mut Localization,
     ) {
         let Scratch {
@@ -352,12 +371,21 @@ impl Localizer {
             expectation,
             likely,
             visits,
+            places,
             of_nothing,
             ..
         } = scratch;
         of_nothing.clear();
-        out.restart(self.map.plans.len());
-        for (id, candidate) in (0..).map(NodeId).zip(&mut out.ranking) {
+        match among {
+            Among::These(prior) => self.list_prior(prior, places),
+            Among::All(_) => {
+                places.clear();
+                places.extend(0..self.map.plans.len() as u32);
+            }
+        }
+        out.restart(places.len());
+        for (&place, candidate) in places.iter().zip(&mut out.ranking) {
+            let id = NodeId(place);
             candidate.restart(id);
             let plan = &self.map.plans[id.0 as usize];
             plan.visits_into(time, likely, visits);
@@ -376,6 +404,23 @@ impl Localizer {
             of_nothing.push(odds_of_nothing.value());
             candidate.finalize(self.cfg().score(), odds.value());
         }
+    }
+
+    /// The places of a prior and those that share an answer with them, each once, and where these
+    /// are few others from all over the map.
+    fn list_prior(&self, prior: &[NodeId], places: &mut Vec<u32>) {
+        places.clear();
+        add_places(prior, places);
+        for &node in prior {
+            places.extend_from_slice(self.beside(node));
+        }
+        if places.len() < MIN_MATCHED {
+            let num_places = self.map.plans.len();
+            let num_others = MIN_MATCHED.min(num_places);
+            places.extend((0..num_others).map(|it| (it * num_places / num_others) as u32));
+        }
+        places.sort_unstable();
+        places.dedup();
     }
 
     /// The log odds of a place; 0 without calibration.
@@ -416,13 +461,11 @@ impl Localizer {
         let matched = out.ranking.iter().zip(&scratch.of_nothing);
         (scratch.scores)
             .extend(matched.map(|(it, &of_nothing)| as_evidence(score, it.score, of_nothing)));
-        // Places that were not worth matching count as the last one that was.
-        let less = |a: PlaceEvidence, b: PlaceEvidence| if b.score < a.score { b } else { a };
-        let least = (scratch.scores.iter().copied().reduce(less)).unwrap_or_default();
-        scratch.scores.resize(self.map.plans.len(), least);
+        let num_others = self.map.plans.len() - out.ranking.len();
         let calibration = calibration.posterior_calibration(score, self.typical_size(out));
         let (scores, posterior) = (&scratch.scores, &mut scratch.posterior);
-        out.off_map = calibration.posterior_into(scores, self.cfg().off_map(), posterior);
+        let off_map = self.cfg().off_map();
+        out.off_map = calibration.posterior_into(scores, num_others, off_map, posterior);
         let node_at = |at: usize| out.ranking[at].node;
         self.share_near(calibration, scores, posterior, out.ranking.len(), node_at);
         for (candidate, &posterior) in out.ranking.iter_mut().zip(&*posterior) {
@@ -444,7 +487,8 @@ impl Localizer {
             .map(|it| as_evidence(score, it.by(score), it.log_odds_of_nothing))
             .collect();
         let mut posterior = Vec::new();
-        let off_map = calibration.posterior_into(&evidence, self.cfg().off_map(), &mut posterior);
+        let off_map =
+            calibration.posterior_into(&evidence, 0, self.cfg().off_map(), &mut posterior);
         let node_at = |at: usize| NodeId(at as u32);
         self.share_near(
             calibration,
@@ -534,6 +578,11 @@ impl Localizer {
         }
     }
 
+    /// Whether only a short list of the places is matched.
+    pub(crate) fn lists_candidates(&self) -> bool {
+        !matches!(self.finder, Finder::Exact)
+    }
+
     /// Whether places are matched by predicted maps, and not by remembered appearances.
     fn predicts(&self) -> bool {
         self.cfg().method().predicts()
@@ -549,6 +598,28 @@ impl Localizer {
 
     fn forecast_by_all(&self, time: Time) -> Arc<Forecast> {
         self.forecasts.at_by_all(self.source(), time)
+    }
+}
+
+/// Where the robot is searched for.
+#[derive(Clone, Copy, Debug)]
+enum Among<'a> {
+    /// At these places, those next to them that look alike, and a few others to compare with.
+    These(&'a [NodeId]),
+    /// At all of them; where a short list is made, these are on it.
+    All(&'a [NodeId]),
+}
+
+/// At least so many places are matched: what an image scores where it was not taken says how much
+/// its best score is worth.
+const MIN_MATCHED: usize = 64;
+
+/// Puts the places of a prior on a list, each once.
+fn add_places(prior: &[NodeId], places: &mut Vec<u32>) {
+    if !prior.is_empty() {
+        places.extend(prior.iter().map(|node| node.0));
+        places.sort_unstable();
+        places.dedup();
     }
 }
 

@@ -149,6 +149,15 @@ impl PlannedMap {
             )
             .with_help("crop or scale the image as the map's images were"));
         }
+        let num_places = self.plans.len();
+        if let Some(unknown) = (query.prior.iter()).find(|it| it.0 as usize >= num_places) {
+            let message = format!(
+                "the prior names node {}, the map has {num_places} places",
+                unknown.0
+            );
+            return Err(Error::new(ErrorKind::NotFound, message)
+                .with_help("take nodes of the snapshot that the localizer reads"));
+        }
         match query.time {
             Some(time) => Ok(self.middle_of_bucket(time)),
             None if self.cfg.method().needs_time() => Err(Error::new(

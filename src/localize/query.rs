@@ -1,6 +1,7 @@
 //! What does the camera see?
 
 use crate::feature::Features;
+use crate::map::NodeId;
 use fremen::time::Time;
 
 /// A live image, as far as localisation needs it.
@@ -19,6 +20,8 @@ pub struct Query<'a> {
     pub time: Option<Time>,
     /// Width and height of the image in px, to be compared with the map's.
     pub image_size: Option<(u32, u32)>,
+    /// The places where the robot may be, as far as is known; empty if it may be anywhere.
+    pub prior: &'a [NodeId],
 }
 
 impl<'a> Query<'a> {
@@ -28,6 +31,7 @@ impl<'a> Query<'a> {
             features,
             time: None,
             image_size: None,
+            prior: &[],
         }
     }
 
@@ -42,6 +46,19 @@ impl<'a> Query<'a> {
     #[must_use]
     pub fn with_image_size(mut self, image_size: impl Into<Option<(u32, u32)>>) -> Self {
         self.image_size = image_size.into();
+        self
+    }
+
+    /// The robot is probably at one of these places, in any order: by a position, by the way it took
+    /// ([`Tracker::plausible_into`](super::Tracker::plausible_into)). Empty: it may be anywhere.
+    ///
+    /// This saves work: these places are matched, and where they are few some others from all over
+    /// the map, which say what an image scores where it was not taken. If the image decides for none
+    /// of them, all places are searched in the same call, so that a robot that was carried away is
+    /// noticed at the first image that looks like nothing near by.
+    #[must_use]
+    pub fn with_prior(mut self, prior: &'a [NodeId]) -> Self {
+        self.prior = prior;
         self
     }
 }

@@ -42,6 +42,10 @@ use super::neighbours::Neighbours;
 use crate::map::NodeId;
 use fremen::error::{Error, ErrorKind, Result};
 
+/// A place is plausible if it is so many times as likely as the likeliest: a belief of a
+/// ten-thousandth takes an image or two of evidence to become the first.
+const LEAST_PLAUSIBLE: f64 = 1e-4;
+
 /// Follows a robot from image to image.
 #[derive(Clone)]
 pub struct Tracker {
@@ -133,6 +137,28 @@ impl Tracker {
     pub fn reset(&mut self) {
         self.belief.clear();
         self.along.clear();
+    }
+
+    /// The places where the next image may be taken, for [`Query::with_prior`](super::Query::with_prior):
+    /// those that are at least a ten-thousandth as likely as the likeliest, by the way and by the
+    /// images so far. None where that says little: before the first image, for a robot that is
+    /// rather off the map, and where it would be more than `most` places.
+    pub fn plausible_into(&mut self, most: usize, places: &mut Vec<NodeId>) {
+        places.clear();
+        if self.along.is_empty() || self.off_map > 0.5 {
+            return;
+        }
+        self.moved.clear();
+        self.moved.resize(self.along.len(), 0.0);
+        self.motion.advance(&self.along, &mut self.moved);
+        let least = LEAST_PLAUSIBLE * self.moved.iter().copied().fold(0.0, f64::max);
+        let likely = (self.moved.iter().enumerate()).filter(|(_, moved)| **moved >= least);
+        places.extend(likely.map(|(state, _)| NodeId(self.motion.place_of(state) as u32)));
+        places.sort_unstable();
+        places.dedup();
+        if places.len() > most {
+            places.clear();
+        }
     }
 
     /// Takes the next image's answer into account: its posteriors, decision and reason become those
@@ -254,7 +280,7 @@ impl Tracker {
     /// What the image alone says of each place, against its prior. In a large map only a short list
     /// of places is ranked; all others fit at most as badly as the worst of these.
     fn compare(&mut self, off_map: f64, answer: &Localization) {
-        let prior = (1.0 - off_map) / answer.ranking.len().max(1) as f64;
+        let prior = (1.0 - off_map) / self.motion.num_places().max(1) as f64;
         let least = (answer.ranking.iter())
             .map(|candidate| candidate.posterior / prior)
             .fold(1.0, f64::min);
@@ -403,6 +429,58 @@ mod tests {
             assert!(images < 5, "{tracker:?}");
         }
         assert!(images > 1, "one image should not outweigh a way");
+    }
+
+    #[test]
+    fn a_short_list_says_what_the_whole_ranking_says() {
+        let motion = || corridor(40, 0.2);
+        let mut whole = Tracker::with_motion(motion(), MotionConfig::default()).expect("valid");
+        let mut short = whole.clone();
+        for at in [9, 10, 11, 12] {
+            let mut of_all = answer(&seen(40, at, &[30]));
+            let mut of_some = of_all.clone();
+            // All others are like place 20.
+            of_some
+                .ranking
+                .retain(|it| [at as u32, 20, 30].contains(&it.node.0));
+            whole.update(&cfg(), &mut of_all).expect("fits");
+            short.update(&cfg(), &mut of_some).expect("fits");
+            assert_eq!(of_some.decision, of_all.decision);
+            assert!((whole.off_map() - short.off_map()).abs() < 1e-9);
+            for (a, b) in whole.belief().iter().zip(short.belief()) {
+                assert!((a - b).abs() < 1e-9, "{whole:?}\n{short:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn where_it_may_be_next_is_near_where_it_was() {
+        let mut tracker =
+            Tracker::with_motion(corridor(40, 0.2), MotionConfig::default()).expect("valid");
+        let mut places = vec![NodeId(7)];
+        tracker.plausible_into(40, &mut places);
+        assert_eq!(places, [], "before the first image");
+        for at in [9, 10, 11, 12, 13] {
+            let mut answer = answer(&seen(40, at, &[30]));
+            tracker.update(&cfg(), &mut answer).expect("fits");
+        }
+        tracker.plausible_into(20, &mut places);
+        assert!(places.is_sorted() && places.len() < 20, "{places:?}");
+        for at in 12..=14 {
+            assert!(places.contains(&NodeId(at)), "{places:?}");
+        }
+        let belief = tracker.belief().to_vec();
+        tracker.plausible_into(places.len() - 1, &mut places);
+        assert_eq!(places, [], "more than wanted");
+        assert_eq!(tracker.belief(), belief, "looking ahead changes nothing");
+        let mut nowhere = vec![0.05; 41];
+        nowhere[40] = 1.0;
+        for _ in 0..6 {
+            let mut answer = answer(&nowhere);
+            tracker.update(&cfg(), &mut answer).expect("fits");
+        }
+        tracker.plausible_into(40, &mut places);
+        assert_eq!(places, [], "off the map");
     }
 
     #[test]

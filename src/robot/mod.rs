@@ -57,7 +57,7 @@ use crate::learn::{Circumstances, LearnConfig, Recipe};
 use crate::localize::{
     Decision, Localization, Localizer, MotionConfig, Query, Score, Scratch, Tracker,
 };
-use crate::map::{Map, PlaceKey, SessionId, Snapshot};
+use crate::map::{Map, NodeId, PlaceKey, SessionId, Snapshot};
 use fremen::error::{Error, ErrorKind, Result};
 use fremen::time::Time;
 
@@ -126,6 +126,9 @@ impl<'a> Frame<'a> {
     }
 }
 
+/// A robot that is followed is searched for at no more places first: fewer than a short list has.
+const MOST_PLAUSIBLE: usize = 128;
+
 /// Who learns what the robot locates.
 #[derive(Debug)]
 enum Teaching {
@@ -147,6 +150,8 @@ pub struct Robot {
     scratch: Scratch,
     tracker: Option<Tracker>,
     motion: Option<MotionConfig>,
+    /// Where the next image may be taken, in a map of which a short list is matched.
+    plausible: Vec<NodeId>,
     mask: Option<GrayImage>,
     teaching: Teaching,
     is_paused: bool,
@@ -224,6 +229,7 @@ impl Robot {
             extractor,
             tracker,
             motion: cfg.motion,
+            plausible: Vec::new(),
             mask: cfg.mask,
             teaching,
             is_paused: false,
@@ -261,9 +267,16 @@ impl Robot {
         self.timing.extract = begun.elapsed();
 
         let begun = Instant::now();
+        self.plausible.clear();
+        if let Some(tracker) = &mut self.tracker
+            && self.localizer.lists_candidates()
+        {
+            tracker.plausible_into(MOST_PLAUSIBLE, &mut self.plausible);
+        }
         let query = Query::new(&self.features)
             .at(frame.time)
-            .with_image_size(frame.image.size());
+            .with_image_size(frame.image.size())
+            .with_prior(&self.plausible);
         (self.localizer).localize_into(&mut self.scratch, &query, &mut self.answer)?;
         if let Some(tracker) = &mut self.tracker {
             tracker.update(self.localizer.cfg(), &mut self.answer)?;

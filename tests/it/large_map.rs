@@ -3,15 +3,15 @@
 
 use std::sync::{Arc, OnceLock};
 
-use chronotope::Time;
 use chronotope::feature::{Descriptor, Features, Keypoint};
 use chronotope::localize::{
-    Decision, Localizer, LocalizerConfig, PlaceSearch, Preset, Query, Score,
+    Candidate, Decision, Localizer, LocalizerConfig, PlaceSearch, Preset, Query, Score,
 };
 use chronotope::map::{
     AppearanceUse, MapMeta, Node, NodeId, PlaceKey, SessionId, Snapshot, Visit, VisitId,
 };
 use chronotope::visibility::BitRow;
+use chronotope::{ErrorKind, Time};
 
 const NUM_PLACES: usize = 400;
 const NUM_FEATURES: usize = 60;
@@ -202,4 +202,74 @@ fn a_batch_is_its_single_answers_for_any_number_of_threads() {
         "one has no time"
     );
     assert!(localizer.localize_batch(&[]).expect("none").is_empty());
+}
+
+#[test]
+fn a_prior_saves_work_and_a_robot_that_was_carried_away_is_found_at_once() {
+    for search in [PlaceSearch::Exact, PlaceSearch::Inverted] {
+        let localizer = localizer(search);
+        let mut scratch = localizer.scratch();
+        let mut num_widened = 0;
+        for place in (3..NUM_PLACES - 9).step_by(31) {
+            let image = image_of(place);
+            let whole = localizer.localize(&mut scratch, &query(&image, 0));
+            let whole = whole.expect("fits");
+            // In any order, one twice.
+            let mut prior: Vec<NodeId> = (0..9).map(|it| NodeId((place + 5 - it) as u32)).collect();
+            prior.push(prior[2]);
+            let near = query(&image, 0).with_prior(&prior);
+            let near = localizer.localize(&mut scratch, &near).expect("fits");
+            assert_eq!(near.decision, Decision::At(NodeId(place as u32)));
+            assert!((64..=90).contains(&near.ranking.len()));
+            assert!(3 * near.pairs_compared < whole.pairs_compared, "{search:?}");
+            let same = |it: &&Candidate| it.node == near.ranking[0].node;
+            let same = whole.ranking.iter().find(same).expect("matched");
+            assert_eq!(near.ranking[0].score, same.score);
+            assert!((near.ranking[0].posterior - same.posterior).abs() < 0.05);
+
+            let elsewhere = [NodeId((place as u32 + 200) % NUM_PLACES as u32)];
+            let away = query(&image, 0).with_prior(&elsewhere);
+            let away = localizer.localize(&mut scratch, &away).expect("fits");
+            assert_eq!(away.decision, whole.decision);
+            assert!(away.ranking.iter().any(|it| it.node == elsewhere[0]));
+            // The place may be one of those that are matched to compare with.
+            if away.ranking.len() > 100 {
+                num_widened += 1;
+                assert!(away.pairs_compared > whole.pairs_compared, "both searches");
+                if search == PlaceSearch::Exact {
+                    assert_eq!(away.ranking, whole.ranking);
+                }
+            }
+            let nothing = query(&image, 0).with_prior(&[]);
+            assert_eq!(
+                localizer.localize(&mut scratch, &nothing).expect("fits"),
+                whole
+            );
+        }
+        assert!(num_widened >= 8, "{num_widened}");
+        let image = image_of(0);
+        let unknown = [NodeId(1), NodeId(NUM_PLACES as u32)];
+        let error = localizer
+            .localize(&mut scratch, &query(&image, 0).with_prior(&unknown))
+            .expect_err("no such place");
+        assert_eq!(error.kind(), ErrorKind::NotFound);
+        assert!(error.to_string().contains("names node 400"), "{error}");
+    }
+}
+
+#[test]
+fn each_image_of_a_batch_has_its_own_prior() {
+    let localizer = localizer(PlaceSearch::Inverted);
+    let images: Vec<Features> = (0..6).map(|it| image_of(it * 60)).collect();
+    let priors: Vec<Vec<NodeId>> = (0..6)
+        .map(|it| (0..it).map(|near| NodeId(it * 60 + near)).collect())
+        .collect();
+    let queries: Vec<Query<'_>> = (images.iter().zip(&priors))
+        .map(|(image, prior)| query(image, 0).with_prior(prior))
+        .collect();
+    let batch = localizer.localize_batch(&queries).expect("fits");
+    for (query, answer) in queries.iter().zip(&batch) {
+        let single = localizer.localize(&mut localizer.scratch(), query);
+        assert_eq!(&single.expect("fits"), answer);
+    }
 }

@@ -8,7 +8,7 @@ use chronotope::feature::{
     Extractor, ExtractorConfig, Features, GrayImage, GrayView, LoadOptions, load_gray,
 };
 use chronotope::localize::{IndexCache, Localization, Localizer, Query, Scratch};
-use chronotope::map::{MapMeta, PlaceKey};
+use chronotope::map::{MapMeta, NodeId, PlaceKey};
 use chronotope::time::Zone;
 use chronotope::{Error, ErrorKind, Time};
 use pyo3::prelude::*;
@@ -23,7 +23,7 @@ use crate::hints::{
     ProgressLike, TimeLike, TimesLike,
 };
 use crate::image::{Pixels, both, mask_of};
-use crate::map::PyMap;
+use crate::map::{PyMap, place_in};
 use crate::progress::Progress;
 use crate::python::{json_line, loads, time_if_given, time_of};
 use crate::settings::{Wanted, pool_of, without_clock};
@@ -87,6 +87,14 @@ struct Job<'py> {
     time: Option<(Time, &'static str)>,
     name: String,
     truth: Option<PlaceKey>,
+}
+
+/// What is known beside the image.
+#[derive(Clone, Copy, Default)]
+struct Known<'a> {
+    time: Option<Time>,
+    mask: Option<&'a GrayImage>,
+    prior: &'a [NodeId],
 }
 
 /// What came of one image.
@@ -186,12 +194,8 @@ impl PyLocalizer {
         }
     }
 
-    fn answer(
-        &self,
-        task: &Task<'_>,
-        time: Option<Time>,
-        mask: Option<&GrayImage>,
-    ) -> Result<Done, Error> {
+    fn answer(&self, task: &Task<'_>, known: Known<'_>) -> Result<Done, Error> {
+        let Known { time, mask, prior } = known;
         let size = self.localizer.snapshot().meta().image_size;
         let mut scratch = self.scratch();
         let (features, image_size) = match *task {
@@ -209,7 +213,10 @@ impl PyLocalizer {
                 }
             }
         };
-        let query = Query::new(&features).at(time).with_image_size(image_size);
+        let query = Query::new(&features)
+            .at(time)
+            .with_image_size(image_size)
+            .with_prior(prior);
         let mut answer = Localization::default();
         self.localizer
             .localize_into(&mut scratch, &query, &mut answer)?;
@@ -388,9 +395,14 @@ impl PyLocalizer {
     ///
     /// ``mask`` (height, width) hides what is 0 or False.
     ///
+    /// ``prior`` names the places where it may have been taken, as far as is known: these are matched,
+    /// and in a large map all others only if the image decides for none of them.
+    ///
     /// Errors: ``ShapeError`` for arrays that are no image and images that do not fit the map,
-    /// ``TimeError`` for a time that is missing or naive, ``FormatError`` and ``NotFoundError`` for files.
-    #[pyo3(signature = (image, time=None, *, mask=None, bgr=false, name=""))]
+    /// ``TimeError`` for a time that is missing or naive, ``FormatError`` and ``NotFoundError`` for files,
+    /// ``NotFoundError`` for a place that is not in the map.
+    #[pyo3(signature = (image, time=None, *, mask=None, bgr=false, name="", prior=None))]
+    #[allow(clippy::too_many_arguments)] // reason: keyword arguments of Python.
     fn localize(
         &self,
         py: Python<'_>,
@@ -399,13 +411,22 @@ impl PyLocalizer {
         mask: Option<MaskLike<'_>>,
         bgr: bool,
         name: &str,
+        prior: Option<Vec<String>>,
     ) -> Result<PyLocalization> {
         let mask = mask.map(|mask| mask_of(&mask.0)).transpose()?;
+        let snapshot = self.localizer.snapshot();
+        let prior = (prior.unwrap_or_default().iter())
+            .map(|place| place_in(snapshot, place, None))
+            .collect::<Result<Vec<NodeId>>>()?;
         let job = self.job(&image.0, time_if_given(time)?, name, bgr)?;
         let done = {
             let task = job.given.task()?;
-            let at = job.time.map(|(time, _)| time);
-            detached_with(py, || Ok(self.answer(&task, at, mask.as_ref())?))
+            let known = Known {
+                time: job.time.map(|(time, _)| time),
+                mask: mask.as_ref(),
+                prior: &prior,
+            };
+            detached_with(py, || Ok(self.answer(&task, known)?))
         };
         let done = match done {
             Err(Failure::Engine(error)) => return Err(job.given.named(*error).into()),
@@ -448,9 +469,12 @@ impl PyLocalizer {
     ) -> Result<Vec<PyLocalization>> {
         let jobs = self.jobs(&path.0, time_if_given(time)?, "", false)?;
         let answer = |job: Job<'_>| {
-            let at = job.time.map(|(time, _)| time);
+            let known = Known {
+                time: job.time.map(|(time, _)| time),
+                ..Known::default()
+            };
             let task = job.given.task()?;
-            let done = detached_with(py, || Ok(self.answer(&task, at, None)?))?;
+            let done = detached_with(py, || Ok(self.answer(&task, known)?))?;
             Ok(self.told(job, done, false))
         };
         jobs.into_iter().map(answer).collect()
@@ -593,8 +617,13 @@ impl PyLocalizer {
             .collect();
         let work = || {
             let answer = |task: &Option<(Task<'_>, Option<Time>)>| {
-                task.as_ref()
-                    .map(|(task, time)| self.answer(task, *time, None))
+                task.as_ref().map(|(task, time)| {
+                    let known = Known {
+                        time: *time,
+                        ..Known::default()
+                    };
+                    self.answer(task, known)
+                })
             };
             Ok(pool.install(|| tasks.par_iter().map(answer).collect::<Vec<_>>()))
         };

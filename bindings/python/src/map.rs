@@ -1,6 +1,6 @@
 //! How is a map file opened, learnt, looked into and changed?
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use chronotope::dataset::ReadOptions;
@@ -92,21 +92,30 @@ impl PyMap {
 
     fn find(&self, key: &str) -> Result<(Arc<Snapshot>, NodeId)> {
         let snapshot = self.snapshot()?;
-        let found = known_or_written(&snapshot, key)?;
-        let id = snapshot.find(&found).ok_or_else(|| {
-            let mut known: Vec<_> = snapshot
-                .nodes()
-                .iter()
-                .map(|node| node.key().as_str())
-                .collect();
-            let more = if known.len() > 20 { ", ..." } else { "" };
-            known.truncate(20);
-            Error::new(ErrorKind::NotFound, format!("the map has no place `{key}`"))
-                .with_path(&self.path)
-                .with_help(format!("it has {}{more}", known.join(", ")))
-        })?;
+        let id = place_in(&snapshot, key, Some(&self.path))?;
         Ok((snapshot, id))
     }
+}
+
+/// The place that bears a name; `path` is the map's, for the error.
+pub(crate) fn place_in(snapshot: &Snapshot, key: &str, path: Option<&Path>) -> Result<NodeId> {
+    let found = known_or_written(snapshot, key)?;
+    snapshot.find(&found).ok_or_else(|| {
+        let mut known: Vec<_> = snapshot
+            .nodes()
+            .iter()
+            .map(|node| node.key().as_str())
+            .collect();
+        let more = if known.len() > 20 { ", ..." } else { "" };
+        known.truncate(20);
+        let error = Error::new(ErrorKind::NotFound, format!("the map has no place `{key}`"))
+            .with_help(format!("it has {}{more}", known.join(", ")));
+        match path {
+            Some(path) => error.with_path(path),
+            None => error,
+        }
+        .into()
+    })
 }
 
 /// A snapshot of what a caller named: a map that is open, or the path of one.

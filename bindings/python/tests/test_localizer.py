@@ -29,6 +29,18 @@ def test_an_answer_has_all_of_its_evidence(localizer: Localizer, query) -> None:
         answer.place = "elsewhere"  # type: ignore[misc]
 
 
+def test_a_prior_names_places_and_decides_nothing_alone(localizer: Localizer, query) -> None:
+    image, time, place = query
+    plain = localizer.localize(image, time)
+    for prior in ([place], [it for it in localizer.places if it != place], [], (place, place)):
+        answer = localizer.localize(image, time, prior=prior)
+        assert answer.place == place and answer.scores[0] == plain.scores[0]
+    with pytest.raises(chronotope.NotFoundError, match="no place `nowhere`"):
+        localizer.localize(image, time, prior=[place, "nowhere"])
+    with pytest.raises(TypeError):
+        localizer.localize(image, time, prior=place)
+
+
 def test_matches_are_a_structured_array(localizer: Localizer, query) -> None:
     answer = localizer.localize(query[0], query[1])
     matches = answer.matches

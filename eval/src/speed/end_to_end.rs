@@ -39,6 +39,7 @@ pub(super) const SECTION: &str = "one answer, 50 features a place, 500 live";
 pub(super) const EXTRACT: &str = "extract";
 pub(super) const WHOLE: &str = "whole";
 pub(super) const LISTED: &str = "whole, inverted file";
+const NEAR: &str = "whole, prior of 100 places";
 
 const NUM_PREDICTED: usize = 50;
 const NUM_VISITS: usize = 12;
@@ -52,6 +53,8 @@ const ENOUGH_S: f64 = 60.0;
 const MAX_COUNTED: usize = 1_000;
 /// Short lists are made in maps of more places than this.
 const MAX_UNLISTED: usize = 256;
+/// Places of a prior.
+const NUM_NEAR: usize = 100;
 /// Threads that a batch is answered on.
 const NUM_THREADS: usize = 2;
 /// Maps from this size on are opened from a file.
@@ -143,6 +146,15 @@ pub(super) fn measure(workload: &Workload, num_nodes: usize) -> Result<Vec<Measu
         if kind == PlaceSearch::Inverted {
             let ms = batch(&localizer, workload, time, &listed)?;
             rows.push(row("inverted file, batch on two threads", &ms));
+            let near = Answered::near(&localizer, workload, time, &exact.first)?;
+            let same = (near.first.iter().zip(&exact.first)).filter(|(ours, exact)| ours == exact);
+            let recall = same.count() as f64 / near.first.len().min(exact.first.len()) as f64;
+            rows.push(row(NEAR, &near.whole).recall(recall).note(format!(
+                "the exact answer's first place and those around it are the prior; {} of {} \
+                 images decide for none of them and are searched for everywhere",
+                near.num_widened,
+                near.first.len()
+            )));
         }
     }
     drop(localizer);
@@ -201,24 +213,58 @@ struct Answered {
     /// Milliseconds that each answer took.
     whole: Vec<f64>,
     first: Vec<Option<NodeId>>,
+    /// How many had a prior and more places than those matched.
+    num_widened: usize,
 }
 
 impl Answered {
     fn of(localizer: &Localizer, workload: &Workload, time: Time) -> Result<Self> {
+        Self::with_priors(localizer, workload, time, |_| Vec::new())
+    }
+
+    /// With [`NUM_NEAR`] places as prior, around the place that each query is known to be of.
+    fn near(
+        localizer: &Localizer,
+        workload: &Workload,
+        time: Time,
+        places: &[Option<NodeId>],
+    ) -> Result<Self> {
+        let num_places = localizer.snapshot().nodes().len();
+        Self::with_priors(localizer, workload, time, |query| {
+            let place = places[query % places.len()].map_or(0, |node| node.0 as usize);
+            let first =
+                (place.saturating_sub(NUM_NEAR / 2)).min(num_places.saturating_sub(NUM_NEAR));
+            (first..num_places.min(first + NUM_NEAR))
+                .map(|node| NodeId(node as u32))
+                .collect()
+        })
+    }
+
+    fn with_priors(
+        localizer: &Localizer,
+        workload: &Workload,
+        time: Time,
+        prior_of: impl Fn(usize) -> Vec<NodeId>,
+    ) -> Result<Self> {
         let mut answered = Self::default();
         let mut scratch = localizer.scratch();
         let mut out = Localization::default();
         let start = Instant::now();
         let features = workload.queries.iter().cycle();
-        for features in (workload.queries.first().into_iter()).chain(features.take(MAX_ANSWERS)) {
+        let queries = (workload.queries.first().into_iter()).chain(features.take(MAX_ANSWERS));
+        for (at, features) in queries.enumerate() {
             if answered.whole.len() > MIN_ANSWERS && start.elapsed().as_secs_f64() > ENOUGH_S {
                 break;
             }
-            let query = Query::new(features).at(time);
+            // The first one comes twice.
+            let prior = prior_of(at.saturating_sub(1));
+            let query = Query::new(features).at(time).with_prior(&prior);
             let start = Instant::now();
             localizer.localize_into(&mut scratch, &query, &mut out)?;
             answered.whole.push(start.elapsed().as_secs_f64() * 1e3);
             answered.first.push(out.first().map(|first| first.node));
+            answered.num_widened +=
+                usize::from(at > 0 && !prior.is_empty() && out.ranking.len() > NUM_NEAR);
         }
         // The first one warmed up what is reused.
         answered.whole.remove(0);

@@ -113,7 +113,7 @@ impl Case {
 
     fn new(scores: Vec<PlaceEvidence>, num_right: usize, weight: f64) -> Self {
         Self {
-            level: level(&scores),
+            level: level(&scores, 0),
             scores: scores.into_iter().map(|it| it.score).collect(),
             num_right,
             weight,
@@ -139,17 +139,27 @@ impl Case {
 }
 
 /// What the image would score at its best place if it did not show it; 0 where there is at most
-/// one place.
-fn level(scores: &[PlaceEvidence]) -> f64 {
+/// one place. `num_others` places score what the worst does.
+fn level(scores: &[PlaceEvidence], num_others: usize) -> f64 {
     let better = |a: PlaceEvidence, b: PlaceEvidence| if b.score > a.score { b } else { a };
     let Some(best) = scores.iter().copied().reduce(better) else {
         return 0.0;
     };
-    if scores.len() < 2 {
+    let num_places = scores.len() + num_others;
+    if num_places < 2 {
         return 0.0;
     }
-    let total: f64 = scores.iter().map(|it| it.gain()).sum();
-    best.of_nothing + (total - best.gain()) / (scores.len() - 1) as f64
+    let mut total: f64 = scores.iter().map(|it| it.gain()).sum();
+    if num_others > 0 {
+        total += num_others as f64 * worst(scores).gain();
+    }
+    best.of_nothing + (total - best.gain()) / (num_places - 1) as f64
+}
+
+/// The score of the place that scores least.
+fn worst(scores: &[PlaceEvidence]) -> PlaceEvidence {
+    let less = |a: PlaceEvidence, b: PlaceEvidence| if b.score < a.score { b } else { a };
+    scores.iter().copied().reduce(less).unwrap_or_default()
 }
 
 impl PosteriorCalibration {
@@ -189,15 +199,17 @@ impl PosteriorCalibration {
     }
 
     /// Writes the posterior of each place and returns that of being off the map, whose prior
-    /// probability is `off_map`.
+    /// probability is `off_map`. `num_others` places were not worth matching: they count as the
+    /// worst one that was.
     pub(in crate::localize) fn posterior_into(
         self,
         scores: &[PlaceEvidence],
+        num_others: usize,
         off_map: f64,
         out: &mut Vec<f64>,
     ) -> f64 {
-        let prior = ((1.0 - off_map) / scores.len().max(1) as f64).ln();
-        let of_off_map = off_map.ln() + self.bias + self.level * level(scores);
+        let prior = ((1.0 - off_map) / (scores.len() + num_others).max(1) as f64).ln();
+        let of_off_map = off_map.ln() + self.bias + self.level * level(scores, num_others);
         out.clear();
         out.extend(scores.iter().map(|it| prior + self.scale * it.score));
         let most = out.iter().copied().fold(of_off_map, f64::max);
@@ -205,6 +217,10 @@ impl PosteriorCalibration {
         for share in out.iter_mut() {
             *share = (*share - most).exp();
             total += *share;
+        }
+        if num_others > 0 {
+            let log = prior + self.scale * worst(scores).score;
+            total += num_others as f64 * (log - most).exp();
         }
         for share in out.iter_mut() {
             *share /= total;
@@ -477,7 +493,7 @@ mod tests {
         let calibration = PosteriorCalibration::fit(&images, PRIOR);
         let mut posterior = Vec::new();
         let scores = scored(&[11.0, 10.0, 0.0, 1.0]);
-        let off_map = calibration.posterior_into(&scores, 0.1, &mut posterior);
+        let off_map = calibration.posterior_into(&scores, 0, 0.1, &mut posterior);
         let (both, first) = (posterior[0] + posterior[1], posterior[0]);
         assert!(
             both > 0.99 && off_map < 0.01,
@@ -522,10 +538,10 @@ mod tests {
         let calibration = PosteriorCalibration::fit(&dark, PRIOR);
         assert!(calibration.level > 0.2, "{calibration:?}");
         let mut posterior = Vec::new();
-        calibration.posterior_into(&scored(&[-12.0, -20.0, -21.0]), 0.5, &mut posterior);
+        calibration.posterior_into(&scored(&[-12.0, -20.0, -21.0]), 0, 0.5, &mut posterior);
         assert!(posterior[0] > 0.8, "{calibration:?} {posterior:?}");
         let off_map =
-            calibration.posterior_into(&scored(&[-19.0, -20.0, -21.0]), 0.5, &mut posterior);
+            calibration.posterior_into(&scored(&[-19.0, -20.0, -21.0]), 0, 0.5, &mut posterior);
         assert!(off_map > 0.8, "{calibration:?} {off_map}");
     }
 
@@ -535,10 +551,10 @@ mod tests {
         let place = |score: f64, of_nothing: f64| PlaceEvidence { score, of_nothing };
         let mut posterior = Vec::new();
         let scores = [place(-9.0, -11.0), place(-27.0, -29.0), place(-27.5, -29.0)];
-        let off_map = calibration.posterior_into(&scores, 0.1, &mut posterior);
+        let off_map = calibration.posterior_into(&scores, 0, 0.1, &mut posterior);
         assert!(off_map > posterior[0], "{off_map} {posterior:?}");
         let scores = [place(9.0, -11.0), scores[1], scores[2]];
-        let off_map = calibration.posterior_into(&scores, 0.1, &mut posterior);
+        let off_map = calibration.posterior_into(&scores, 0, 0.1, &mut posterior);
         assert!(off_map < 0.01 && posterior[0] > 0.99, "{off_map}");
     }
 
@@ -548,9 +564,9 @@ mod tests {
             (0..50).map(|_| held_out(8.0, &[0.0, 1.0, -1.0])).collect();
         let good = PosteriorCalibration::fit(&distinct, PRIOR);
         let mut posterior = Vec::new();
-        let off_map = good.posterior_into(&scored(&[8.0, 0.0, 1.0]), 0.5, &mut posterior);
+        let off_map = good.posterior_into(&scored(&[8.0, 0.0, 1.0]), 0, 0.5, &mut posterior);
         assert!(posterior[0] > 0.9 && off_map < 0.1, "{good:?}");
-        let off_map = good.posterior_into(&scored(&[1.0, 0.0, -1.0]), 0.5, &mut posterior);
+        let off_map = good.posterior_into(&scored(&[1.0, 0.0, -1.0]), 0, 0.5, &mut posterior);
         assert!(off_map > 0.9, "{good:?}");
         let blind: Vec<HeldOutScores> = (0..200)
             .map(|i| {
@@ -564,10 +580,26 @@ mod tests {
     }
 
     #[test]
+    fn places_that_were_not_matched_count_as_the_worst_that_was() {
+        let calibration = prior_calibration(Score::Likelihood);
+        let listed = scored(&[14.0, 3.0, -2.0, 1.0]);
+        let mut all = listed.clone();
+        all.extend(vec![listed[2]; 500]);
+        let (mut some, mut whole) = (Vec::new(), Vec::new());
+        let off_map = calibration.posterior_into(&listed, 500, 0.1, &mut some);
+        let off_map_of_all = calibration.posterior_into(&all, 0, 0.1, &mut whole);
+        assert!((off_map - off_map_of_all).abs() < 1e-12);
+        assert_eq!(some.len(), 4);
+        for (a, b) in some.iter().zip(&whole) {
+            assert!((a - b).abs() < 1e-12, "{some:?}");
+        }
+    }
+
+    #[test]
     fn shares_add_up_to_one_even_for_extreme_scores() {
         let mut posterior = Vec::new();
         for scores in [&[1e6, -1e6][..], &[-1e6, -1e6], &[]] {
-            let off_map = PRIOR.posterior_into(&scored(scores), 0.1, &mut posterior);
+            let off_map = PRIOR.posterior_into(&scored(scores), 0, 0.1, &mut posterior);
             let total: f64 = posterior.iter().sum::<f64>() + off_map;
             assert!((total - 1.0).abs() < 1e-12);
         }

@@ -382,7 +382,7 @@ class Localizer:
         """
         Width and height in px of the images that the map was learnt from; None while it is empty.
         """
-    def localize(self, /, image: ImageLike, time: TimeLike | None = None, *, mask: MaskLike | None = None, bgr: bool = False, name: str = "") -> Localization:
+    def localize(self, /, image: ImageLike, time: TimeLike | None = None, *, mask: MaskLike | None = None, bgr: bool = False, name: str = "", prior: Sequence[str] | None = None) -> Localization:
         """
         Says where an image was taken.
 
@@ -396,8 +396,12 @@ class Localizer:
 
         ``mask`` (height, width) hides what is 0 or False.
 
+        ``prior`` names the places where it may have been taken, as far as is known: these are matched,
+        and in a large map all others only if the image decides for none of them.
+
         Errors: ``ShapeError`` for arrays that are no image and images that do not fit the map,
-        ``TimeError`` for a time that is missing or naive, ``FormatError`` and ``NotFoundError`` for files.
+        ``TimeError`` for a time that is missing or naive, ``FormatError`` and ``NotFoundError`` for files,
+        ``NotFoundError`` for a place that is not in the map.
         """
     def localize_file(self, /, path: PathLike, time: TimeLike | None = None) -> list[Localization]:
         """

@@ -6,6 +6,7 @@
 //! and draws it as one HTML file. [`series`] does all of this for single states over time, [`grid`] for
 //! occupancy grids, and [`explore`] for ways to explore.
 
+pub mod command;
 pub mod data;
 pub mod explore;
 pub mod grid;

@@ -178,14 +178,13 @@ fn a_thread_of_its_own_records_the_same() {
     assert_complete(&recording);
 }
 
-/// With an evaluation that was built with its feature `dashboard` in `CHRONOTOPE_EVAL`, as `make
-/// test` sets it.
+/// The evaluation that records is an example of this crate; `cargo test` builds it unless it is
+/// told to build this file alone.
 #[test]
 fn a_replay_recorded_at_once_holds_what_its_trace_gives() {
-    let Some(command) = std::env::var_os("CHRONOTOPE_EVAL") else {
-        println!("skipped: CHRONOTOPE_EVAL names no command `chronotope-eval`");
-        return;
-    };
+    let command = Path::new(env!("CARGO_BIN_EXE_chronotope-dashboard"))
+        .with_file_name("examples")
+        .join(format!("chronotope-eval{}", std::env::consts::EXE_SUFFIX));
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let replayed = Command::new(command)
@@ -194,7 +193,7 @@ fn a_replay_recorded_at_once_holds_what_its_trace_gives() {
         .arg("--rerun")
         .arg(at("at-once.rrd"))
         .status()
-        .unwrap();
+        .expect("cargo build --example chronotope-eval");
     assert!(replayed.success(), "{replayed}");
     let rendered = Command::new(env!("CARGO_BIN_EXE_chronotope-dashboard"))
         .arg(at("trace.jsonl"))

@@ -37,7 +37,31 @@ say "scripts"
 for script in .ci/run scripts/*.sh; do bash -n "$script"; done
 
 say "cargo fmt"
-cargo fmt --all --check
+for workspace in . bindings bindings/python crates/dashboard; do
+    cargo fmt --manifest-path "$workspace/Cargo.toml" --all --check
+done
+
+# Much of what follows waits, or keeps one processor busy. With what it leaves of the processors bindings and
+# dashboard are built, in a folder of their own, since cargo builds one thing at a time in a folder. The three
+# workspaces share there what they have in common (.cargo/config.toml).
+say "bindings and dashboard: built beside all that follows"
+beside=${CARGO_TARGET_DIR:-target}/beside
+mkdir -p "$beside"
+beside=$(realpath "$beside")
+export beside
+# A process group of its own, so that nothing of it outlives this script; not a session, within which alone
+# `nice` counts on many systems.
+set -m
+CARGO_TARGET_DIR=$beside nice -n 19 bash -ec '
+    # What maturin has to build then is little more than the package.
+    cargo build --locked --manifest-path bindings/python/Cargo.toml
+    cargo test --locked --no-run --manifest-path bindings/Cargo.toml --workspace
+    bash scripts/robots.sh tools
+    cargo test --locked --no-run --manifest-path crates/dashboard/Cargo.toml
+' </dev/null >"$beside.log" 2>&1 &
+building=$!
+set +m
+trap 'kill -- "-$building" 2>/dev/null || true' EXIT
 
 say "clippy: workspace with opencv"
 cargo clippy --locked --workspace --all-targets --features opencv,parquet,onnx -- -D warnings
@@ -70,30 +94,6 @@ fi
 say "tests: workspace with opencv; their build"
 cargo test --locked --workspace --features opencv,parquet,onnx --no-run
 
-# Much of what follows waits, or keeps one processor busy: what needs no more than a processor is built meanwhile,
-# in a folder of its own, since cargo builds one thing at a time in a folder. The three workspaces share there what
-# they have in common (.cargo/config.toml).
-say "bindings and dashboard: built beside the tests"
-beside=${CARGO_TARGET_DIR:-target}/beside
-mkdir -p "$beside"
-beside=$(realpath "$beside")
-export beside
-# A process group of its own, so that nothing of it outlives this script; not a session, within which alone
-# `nice` counts on many systems.
-set -m
-CARGO_TARGET_DIR=$beside nice -n 19 bash -ec '
-    cargo fmt --manifest-path crates/dashboard/Cargo.toml --all --check
-    # What maturin has to build then is little more than the package.
-    cargo build --locked --manifest-path bindings/python/Cargo.toml
-    cargo test --locked --no-run --manifest-path bindings/Cargo.toml --workspace
-    bash scripts/robots.sh tools
-    cargo test --locked --no-run --manifest-path crates/dashboard/Cargo.toml
-    cargo build --locked -p chronotope-eval --features dashboard
-' </dev/null >"$beside.log" 2>&1 &
-building=$!
-set +m
-trap 'kill -- "-$building" 2>/dev/null || true' EXIT
-
 say "tests: workspace with opencv, and doctests"
 cargo test --locked --workspace --features opencv,parquet,onnx </dev/null 2>&1 | tee "$log"
 
@@ -124,8 +124,7 @@ CARGO_TARGET_DIR=$beside bash scripts/robots.sh
 
 # No release and no clippy, which would go through 400 crates a second time.
 say "dashboard: tests, the evaluation that records"
-CARGO_TARGET_DIR=$beside CHRONOTOPE_EVAL=$beside/debug/chronotope-eval \
-    cargo test --locked --manifest-path crates/dashboard/Cargo.toml </dev/null
+CARGO_TARGET_DIR=$beside cargo test --locked --manifest-path crates/dashboard/Cargo.toml </dev/null
 
 say "done"
 # tests/it/architecture.rs sees to it that tests on real data, and no others, have such names.

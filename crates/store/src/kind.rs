@@ -57,7 +57,7 @@ impl Kind {
                 "free some space and repeat".into(),
             ),
             Some(Code::ReadOnly) if extended == Some(rusqlite::ffi::SQLITE_READONLY_DBMOVED) => {
-                return self.moved("nothing is written");
+                return self.moved("nothing is written", " and repeat the change");
             }
             Some(Code::ReadOnly) => (
                 ErrorKind::Io,
@@ -95,12 +95,13 @@ impl Kind {
     }
 
     /// What is said of a file that is no longer where it was opened.
-    pub(crate) fn moved(&self, consequence: &str) -> Error {
+    pub(crate) fn moved(&self, consequence: &str, and_then: &str) -> Error {
         let message = format!(
             "the {} was moved away, deleted or replaced since it was opened; {consequence}",
             self.noun
         );
-        Error::new(ErrorKind::Io, message).with_help(format!("open the {} again", self.noun))
+        Error::new(ErrorKind::Io, message)
+            .with_help(format!("open the {} again{and_then}", self.noun))
     }
 
     /// What is said of a version that is not read.

@@ -203,7 +203,7 @@ impl Store {
     pub fn read<T>(&mut self, read: impl FnOnce(&Reader<'_>) -> Result<T>) -> Result<T> {
         let read_it = || {
             if self.number != number_at(&self.path)? {
-                return Err(self.kind.moved("nothing new is read"));
+                return Err(self.kind.moved("nothing new is read", ""));
             }
             if !self.is_image
                 && let Settled::Image(image) = settle(self.kind, &self.path, self.check)?

@@ -382,7 +382,7 @@ class Localizer:
         """
         Width and height in px of the images that the map was learnt from; None while it is empty.
         """
-    def localize(self, /, image: ImageLike, time: TimeLike | None = None, *, mask: MaskLike | None = None, bgr: bool = False, name: str = "", prior: Sequence[str] | None = None) -> Localization:
+    def localize(self, /, image: ImageLike, time: TimeLike | None = None, *, mask: MaskLike | None = None, bgr: bool = False, name: str = "", prior: SupportsGetItem[int, str] | None = None) -> Localization:
         """
         Says where an image was taken.
 

@@ -75,7 +75,9 @@ impl RobotConfig {
     }
 
     /// Takes the images as one way: what was believed before moves along the map's edges and counts
-    /// too. Needs the score `likelihood`.
+    /// too. In a map so large that a short list of places is matched, those that the robot may have
+    /// reached are matched first, and the others only if it is at none of them. Needs the score
+    /// `likelihood`.
     #[must_use]
     pub fn with_tracking(mut self, motion: MotionConfig) -> Self {
         self.motion = Some(motion);

@@ -5,10 +5,11 @@ use std::sync::{Arc, OnceLock};
 
 use chronotope::feature::{Descriptor, Features, Keypoint};
 use chronotope::localize::{
-    Candidate, Decision, Localizer, LocalizerConfig, PlaceSearch, Preset, Query, Score,
+    Candidate, Decision, Localizer, LocalizerConfig, MotionConfig, PlaceSearch, Preset, Query,
+    Score, Tracker,
 };
 use chronotope::map::{
-    AppearanceUse, MapMeta, Node, NodeId, PlaceKey, SessionId, Snapshot, Visit, VisitId,
+    AppearanceUse, Edge, MapMeta, Node, NodeId, PlaceKey, SessionId, Snapshot, Visit, VisitId,
 };
 use chronotope::visibility::BitRow;
 use chronotope::{ErrorKind, Time};
@@ -255,6 +256,41 @@ fn a_prior_saves_work_and_a_robot_that_was_carried_away_is_found_at_once() {
         assert_eq!(error.kind(), ErrorKind::NotFound);
         assert!(error.to_string().contains("names node 400"), "{error}");
     }
+}
+
+#[test]
+fn a_robot_that_is_followed_is_searched_for_near_where_it_was() {
+    let mut snapshot = Snapshot::clone(&map());
+    for place in 1..NUM_PLACES {
+        let key = |place: usize| snapshot.nodes()[place].key().clone();
+        let edge = Edge {
+            from: key(place - 1),
+            to: key(place),
+            name: String::new(),
+        };
+        snapshot.add_edge(edge).expect("both are there");
+    }
+    let cfg = LocalizerConfig::default().with_place_search(PlaceSearch::Inverted);
+    let localizer = Localizer::new(Arc::new(snapshot), cfg).expect("map fits");
+    let mut tracker = Tracker::new(&localizer, MotionConfig::default()).expect("valid");
+    let (mut scratch, mut plausible) = (localizer.scratch(), Vec::new());
+    let mut see = |place: usize| {
+        tracker.plausible_into(100, &mut plausible);
+        let image = image_of(place);
+        let query = query(&image, 0).with_prior(&plausible);
+        let mut answer = localizer.localize(&mut scratch, &query).expect("fits");
+        let num_matched = answer.ranking.len();
+        (tracker.update(localizer.cfg(), &mut answer)).expect("of this map");
+        (answer.decision, num_matched)
+    };
+    for place in 50..58 {
+        let (decision, num_matched) = see(place);
+        assert_eq!(decision, Decision::At(NodeId(place as u32)));
+        assert_eq!(num_matched < 128, place > 50, "{num_matched} at {place}");
+    }
+    // Carried away: found within three images.
+    let found = (0..3).any(|_| see(333).0 == Decision::At(NodeId(333)));
+    assert!(found);
 }
 
 #[test]

@@ -288,7 +288,7 @@ impl Localizer {
             out.time = query.time;
             self.compute_posterior(scratch, out);
             out.decide(self.cfg(), |node| self.beside(node));
-            if let Decision::At(_) = out.decision {
+            if let Decision::At(_) | Decision::Near(_) = out.decision {
                 return;
             }
         }

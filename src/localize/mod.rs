@@ -16,7 +16,8 @@
 //!
 //! Cost: with N places, n features each and m live ones, N (F + n log n) to predict, once a time
 //! bucket (`forecast.rs`); N n m Hamming distances to match and at most 64 additions a match to
-//! score, for each image. In a large map a short list takes the place of all N (`candidates/`). The
+//! score, for each image. In a large map a short list takes the place of all N (`candidates/`), and
+//! the places of a prior do where the image decides for one of them ([`Query::with_prior`]). The
 //! experience methods match E appearances a place, E n m distances. [`Localizer::new`] fits and
 //! calibrates, which takes from a tenth of a second to a few seconds.
 //!

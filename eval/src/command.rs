@@ -11,7 +11,7 @@ use crate::grid;
 use crate::judge::pooled::{POOLED_SUITES, compare_pooled};
 use crate::judge::{compare, exact};
 use crate::report::{self, ReportInput};
-use crate::results::{SuiteResults, Tolerance};
+use crate::results::{SuiteResults, Tolerance, write_atomically, write_json};
 use crate::run::replay;
 use crate::run::{RunOptions, run};
 use crate::series;
@@ -23,6 +23,7 @@ use anyhow::{Context, Result, ensure};
 use chronotope::Time;
 use chronotope::feature::{ExtractorConfig, Models};
 use clap::{Parser, Subcommand};
+use serde::Serialize;
 
 /// Measures how well Chronotope's methods localise, on real and synthetic images.
 #[derive(Parser)]
@@ -433,31 +434,34 @@ fn run_suite(suite: &Suite, options: &RunOptions, n: Option<u32>, replays: &Repl
     std::fs::create_dir_all(&options.out)
         .with_context(|| format!("cannot create {}", options.out.display()))?;
     if let Some(results) = series::run(suite, options)? {
-        println!("{}", series::table(&results));
-        let json = options.out.join(format!("{}.json", results.suite));
-        results.write(&json)?;
-        let report = options.out.join("report.html");
-        report::write_series(&results, &report)?;
-        eprintln!("wrote {} and {}", json.display(), report.display());
-        return Ok(());
+        let page = report::render_series(&results);
+        return keep(
+            options,
+            &results.suite,
+            &results,
+            &series::table(&results),
+            &page,
+        );
     }
     if let Some(results) = grid::run(suite, options)? {
-        println!("{}", grid::table(&results));
-        let json = options.out.join(format!("{}.json", results.suite));
-        results.write(&json)?;
-        let report = options.out.join("report.html");
-        report::write_grid(&results, &report)?;
-        eprintln!("wrote {} and {}", json.display(), report.display());
-        return Ok(());
+        let page = report::render_grid(&results);
+        return keep(
+            options,
+            &results.suite,
+            &results,
+            &grid::table(&results),
+            &page,
+        );
     }
     if let Some(results) = explore::run(suite, options)? {
-        println!("{}", explore::table(&results));
-        let json = options.out.join(format!("{}.json", results.suite));
-        results.write(&json)?;
-        let report = options.out.join("report.html");
-        report::write_explore(&results, &report)?;
-        eprintln!("wrote {} and {}", json.display(), report.display());
-        return Ok(());
+        let page = report::render_explore(&results);
+        return keep(
+            options,
+            &results.suite,
+            &results,
+            &explore::table(&results),
+            &page,
+        );
     }
     for suite_run in run(suite, options)? {
         let (results, pictures) = report::pictures(suite_run)?;
@@ -477,6 +481,23 @@ fn run_suite(suite: &Suite, options: &RunOptions, n: Option<u32>, replays: &Repl
         eprintln!("wrote {} and {}", json.display(), report.display());
     }
     replays.write(suite, options)
+}
+
+/// Prints the table of a suite without images, and writes its numbers and its report.
+fn keep(
+    options: &RunOptions,
+    suite: &str,
+    results: &impl Serialize,
+    table: &str,
+    page: &str,
+) -> Result<()> {
+    println!("{table}");
+    let json = options.out.join(format!("{suite}.json"));
+    write_json(results, &json)?;
+    let report = options.out.join("report.html");
+    write_atomically(&report, page.as_bytes())?;
+    eprintln!("wrote {} and {}", json.display(), report.display());
+    Ok(())
 }
 
 /// The command as typed; what is kept with the sources names no folders of one machine.

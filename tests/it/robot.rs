@@ -77,6 +77,15 @@ fn drive(num_images: usize) -> impl Iterator<Item = (usize, Time, GrayImage)> {
     })
 }
 
+/// The robot's own thread learns what it locates, or another one.
+fn learning(cfg: RobotConfig, inline: bool) -> RobotConfig {
+    if inline {
+        cfg.with_learning_inline(LearnConfig::default())
+    } else {
+        cfg.with_learning(LearnConfig::default())
+    }
+}
+
 fn num_visits(path: &Path) -> usize {
     let map = Map::open_read_only(path).expect("a map");
     map.snapshot().summary().num_visits
@@ -116,12 +125,7 @@ fn what_is_located_is_learnt_and_the_next_answer_is_of_the_newer_map() {
         let path = map_file(folder.path());
         let start = num_visits(&path);
         let cfg = RobotConfig::default().with_commit_interval(Duration::ZERO);
-        let cfg = if inline {
-            cfg.with_learning_inline(LearnConfig::default())
-        } else {
-            cfg.with_learning(LearnConfig::default())
-        };
-        let mut robot = Robot::open(&path, cfg).expect("opens");
+        let mut robot = Robot::open(&path, learning(cfg, inline)).expect("opens");
         let first_generation = robot.localizer().snapshot().generation();
         let mut num_committed = 0;
         for (_, time, image) in drive(6) {
@@ -167,12 +171,7 @@ fn what_was_learnt_last_is_kept_however_the_robot_ends() {
         let path = map_file(folder.path());
         let start = num_visits(&path);
         let cfg = RobotConfig::default().with_commit_interval(Duration::from_secs(3_600));
-        let cfg = if inline {
-            cfg.with_learning_inline(LearnConfig::default())
-        } else {
-            cfg.with_learning(LearnConfig::default())
-        };
-        let mut robot = Robot::open(&path, cfg).expect("opens");
+        let mut robot = Robot::open(&path, learning(cfg, inline)).expect("opens");
         let generation = robot.localizer().snapshot().generation();
         for (_, time, image) in drive(6) {
             let frame = Frame::new(&image).at(time).with_now(time);
@@ -331,12 +330,7 @@ fn a_place_that_somebody_names_is_learnt_and_can_be_new() {
         let cfg = RobotConfig::default()
             .with_commit_interval(Duration::ZERO)
             .with_tracking(MotionConfig::default());
-        let cfg = if inline {
-            cfg.with_learning_inline(LearnConfig::default())
-        } else {
-            cfg.with_learning(LearnConfig::default())
-        };
-        let mut robot = Robot::open(&path, cfg).expect("opens");
+        let mut robot = Robot::open(&path, learning(cfg, inline)).expect("opens");
         // A street that the map does not know.
         let other = World::new(&WorldConfig::new(99).with_num_places(1)).expect("valid");
         let kitchen = PlaceKey::new("kitchen").expect("a name");

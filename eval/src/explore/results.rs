@@ -1,11 +1,7 @@
 //! What does `SUITE.json` of a suite of exploration hold?
 
-use std::path::Path;
-
-use anyhow::Result;
 use serde::Serialize;
 
-use crate::results::write_atomically;
 use crate::series::Measured;
 
 /// The version of the file.
@@ -119,13 +115,6 @@ impl ExploreResults {
     /// The default, if it was run.
     pub fn default_row(&self) -> Option<&Row> {
         self.rows.iter().find(|row| row.is_default)
-    }
-
-    /// Writes the file.
-    pub fn write(&self, path: &Path) -> Result<()> {
-        let mut bytes = serde_json::to_vec_pretty(self)?;
-        bytes.push(b'\n');
-        Ok(write_atomically(path, &bytes)?)
     }
 }
 

@@ -1,14 +1,10 @@
 //! What does `SUITE.json` of a suite of grids hold?
 
-use std::collections::BTreeMap;
-use std::path::Path;
-
-use anyhow::Result;
 use fremen_grid::experiment::Gallery;
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 use crate::judge::statistics::{Estimate, Sample, wilson};
-use crate::results::write_atomically;
 use crate::suite::Suite;
 
 /// The version of the file.
@@ -250,13 +246,6 @@ impl GridResults {
             colours.to_owned(),
             vec![picture(gallery.rhythms)],
         ));
-    }
-
-    /// Writes the file.
-    pub fn write(&self, path: &Path) -> Result<()> {
-        let mut bytes = serde_json::to_vec_pretty(self)?;
-        bytes.push(b'\n');
-        Ok(write_atomically(path, &bytes)?)
     }
 }
 

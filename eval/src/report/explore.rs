@@ -3,24 +3,14 @@
 //! Error over weeks, over the share of time, what the next look is worth, a day of the default (states,
 //! p(t), entropy and visits one under the other, as Fig. 4 to 6 of RAS 2016), and all numbers.
 
-use std::path::Path;
-
-use chronotope::Result;
-
 use super::html::{Esc, put};
 use super::page::{document, run_again};
 use super::plot::{Point, Scale, Series, SharePlot, path};
 use crate::explore::{Curve, Day, DayPlace, ExploreResults};
-use crate::results::write_atomically;
 
 const WIDTH: f64 = 480.0;
 const LEFT: f64 = 56.0;
 const RIGHT: f64 = 10.0;
-
-/// Renders the report into `path`; a reader finds the old file or the new one, never a part.
-pub fn write_explore(results: &ExploreResults, path: &Path) -> Result<()> {
-    write_atomically(path, render_explore(results).as_bytes())
-}
 
 /// The report as one HTML document.
 pub fn render_explore(results: &ExploreResults) -> String {

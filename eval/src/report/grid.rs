@@ -2,17 +2,13 @@
 //!
 //! What was wanted and what came, maps as pictures, lines over time and range, and all numbers.
 
-use std::path::Path;
-
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use chronotope::Result;
 
 use super::html::{Esc, put};
 use super::page::{document, run_again};
 use super::plot::path;
 use crate::grid::{GridResults, GridTable, Plot, facts, show};
-use crate::results::write_atomically;
 
 const WIDTH: f64 = 480.0;
 const HEIGHT: f64 = 240.0;
@@ -22,11 +18,6 @@ const TOP: f64 = 12.0;
 const BOTTOM: f64 = 196.0;
 /// Points of a curve that are fewer than this are marked by dots.
 const FEW: usize = 16;
-
-/// Renders the report into `path`; a reader finds the old file or the new one, never a part.
-pub fn write_grid(results: &GridResults, path: &Path) -> Result<()> {
-    write_atomically(path, render_grid(results).as_bytes())
-}
 
 /// The report as one HTML document.
 pub fn render_grid(results: &GridResults) -> String {

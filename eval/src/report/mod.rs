@@ -35,11 +35,11 @@ pub use content::{
     FeatureClass, FeaturePicture, GalleryImage, Mistake, ObservedState, PicturedFeature, Pictures,
     ProbabilityCurve, Raster, RasterRow, TimeAxis,
 };
-pub use explore::{render_explore, write_explore};
-pub use grid::{render_grid, write_grid};
+pub use explore::render_explore;
+pub use grid::render_grid;
 use headline::Headline;
 use page::document;
-pub use series::{render_series, write_series};
+pub use series::render_series;
 pub use showcase::pictures;
 
 /// All that a report shows.

@@ -4,15 +4,12 @@
 //! error over order, the spectrum over that of the sampling, and all numbers.
 
 use std::collections::BTreeMap;
-use std::path::Path;
-
-use chronotope::Result;
 
 use super::axis::probability_lines;
 use super::html::{Esc, put};
 use super::page::{document, run_again};
 use super::plot::{Point, Scale, Series, SharePlot, path};
-use crate::results::{RowOrder, write_atomically};
+use crate::results::RowOrder;
 use crate::series::sampling::Sampling;
 use crate::series::{Drawing, Measured, Row, SeriesResults, Spectrum, facts, is_in_table};
 use chronotope::spectrum::PeriodogramLine;
@@ -20,11 +17,6 @@ use chronotope::spectrum::PeriodogramLine;
 const WIDTH: f64 = 480.0;
 const LEFT: f64 = 40.0;
 const RIGHT: f64 = 10.0;
-
-/// Renders the report into `path`; a reader finds the old file or the new one, never a part.
-pub fn write_series(results: &SeriesResults, path: &Path) -> Result<()> {
-    write_atomically(path, render_series(results).as_bytes())
-}
 
 /// The report as one HTML document.
 pub fn render_series(results: &SeriesResults) -> String {

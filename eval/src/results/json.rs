@@ -58,6 +58,14 @@ impl SuiteResults {
     }
 }
 
+/// Writes what a suite without images found, field by field on lines of their own.
+pub fn write_json(results: &impl Serialize, path: &Path) -> Result<()> {
+    let mut bytes = serde_json::to_vec_pretty(results)
+        .map_err(|error| Error::new(ErrorKind::Format, error.to_string()).with_path(path))?;
+    bytes.push(b'\n');
+    write_atomically(path, &bytes)
+}
+
 /// Writes `bytes` to a neighbour of `path`, flushes it to the disk and renames it.
 pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut name = path.as_os_str().to_owned();

@@ -24,6 +24,7 @@ mod validate;
 
 pub use answer::{Answer, Decision, DecisionOutcome, OFF_MAP, Query};
 pub(crate) use json::write_atomically;
+pub use json::write_json;
 pub use judgement::{
     Against, AtRisk, Bin, Calibration, Decisions, InMap, Judgement, Measured, Mixed, OutOfMap,
     Outcome, PrecisionRecall, Retrieval,

@@ -1,15 +1,12 @@
 //! What does `SUITE.json` of a suite of series hold?
 
-use std::path::Path;
-
-use anyhow::Result;
 use serde::Serialize;
 
 use super::models::LITERAL;
 use super::sampling::Sampling;
 use super::spectrum::Spectrum;
 use crate::judge::statistics::Estimate;
-use crate::results::{RowOrder, write_atomically};
+use crate::results::RowOrder;
 
 /// The version of the file.
 pub(super) const SCHEMA_VERSION: u32 = 1;
@@ -140,13 +137,6 @@ impl SeriesResults {
     pub fn literal(&self, sampling: Sampling) -> Option<&Row> {
         let rows = (LITERAL.iter()).filter_map(|model| self.row(sampling, model, RowOrder::Auto));
         rows.min_by(|a, b| a.brier.value.total_cmp(&b.brier.value))
-    }
-
-    /// Writes the file.
-    pub fn write(&self, path: &Path) -> Result<()> {
-        let mut bytes = serde_json::to_vec_pretty(self)?;
-        bytes.push(b'\n');
-        Ok(write_atomically(path, &bytes)?)
     }
 }
 

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use anyhow::Context as _;
 use chronotope_eval::grid::{self, GridResults};
 use chronotope_eval::report;
+use chronotope_eval::results::write_json;
 use chronotope_eval::run::RunOptions;
 use chronotope_eval::suite::{Protocol, Suite};
 
@@ -48,7 +49,7 @@ fn a_day_is_learnt_another_judged_and_both_are_shown() {
     );
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("grid-presence.json");
-    results.write(&path).unwrap();
+    write_json(&results, &path).unwrap();
     let json: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
     assert_eq!(json["schema_version"], 1);
     assert_eq!(json["tables"][0]["rows"][0]["name"], "mean");

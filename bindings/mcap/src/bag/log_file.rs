@@ -2,9 +2,8 @@
 //!
 //! The file is a row of records (<https://mcap.dev/spec>): a byte that says what it is, eight that
 //! say how long, and that. Schemas and channels come before the messages that name them, most of
-//! them inside of chunks, which may be packed. Only the records that matter are read; the crate
-//! `mcap` takes them apart and unpacks them. The summary at the end is not needed, so a file that
-//! was cut off is read like a whole one.
+//! them inside of chunks, which may be packed. Only the records that matter are read. The summary at the
+//! end is not needed, so a file that was cut off is read like a whole one.
 //!
 //! In memory are one chunk that is scanned and, for messages that are fetched again, the chunks that
 //! were unpacked last ([`CACHE_BYTES`]).
@@ -16,16 +15,17 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use chronotope::dataset::Problem;
 use chronotope::error::{Error, Result};
-use mcap::read::{ChunkReader, parse_record};
-use mcap::records::{ChunkHeader, MessageHeader, Record, op};
+use mcap::records::op;
 
+use super::chunk::{too_large, unpacked};
+use super::record::{self, Chunk, Record, Records};
 use super::types::{
     MAX_MESSAGE_BYTES, Message, Position, Topic, Visit, Wanted, changed, file_name,
 };
 use crate::message::{MessageType, Stamp};
 
 /// The byte and the length at the beginning of a record.
-const HEAD_BYTES: u64 = 9;
+const HEAD_BYTES: u64 = record::HEAD_BYTES as u64;
 /// Bytes of unpacked messages that are kept, unless one chunk alone has more.
 const CACHE_BYTES: usize = 128 << 20;
 
@@ -81,19 +81,24 @@ struct Channels {
 }
 
 impl Channels {
-    fn learn(&mut self, record: &Record<'_>, is_wanted: &Wanted<'_>) {
+    fn learn(&mut self, record: Record<'_>, is_wanted: &Wanted<'_>) {
         match record {
-            Record::Schema { header, .. } => {
-                self.schemas.insert(header.id, header.name.clone());
+            Record::Schema { id, name } => {
+                self.schemas.insert(id, name.to_owned());
             }
-            Record::Channel(channel) => {
+            Record::Channel {
+                id,
+                schema,
+                topic,
+                encoding,
+            } => {
                 let topic = Topic {
-                    name: channel.topic.clone(),
-                    type_name: (self.schemas.get(&channel.schema_id).cloned()).unwrap_or_default(),
-                    encoding: channel.message_encoding.clone(),
+                    name: topic.to_owned(),
+                    type_name: (self.schemas.get(&schema).cloned()).unwrap_or_default(),
+                    encoding: encoding.to_owned(),
                 };
                 let is_wanted = is_wanted(&topic);
-                self.topics.insert(channel.id, (topic, is_wanted));
+                self.topics.insert(id, (topic, is_wanted));
             }
             _ => {}
         }
@@ -108,9 +113,9 @@ enum Stop {
     Damaged(String),
 }
 
-impl From<mcap::McapError> for Stop {
-    fn from(cause: mcap::McapError) -> Self {
-        Self::Damaged(cause.to_string())
+impl From<String> for Stop {
+    fn from(why: String) -> Self {
+        Self::Damaged(why)
     }
 }
 
@@ -150,7 +155,7 @@ impl LogFile {
                 op::DATA_END | op::FOOTER => break,
                 op::SCHEMA | op::CHANNEL | op::MESSAGE | op::CHUNK => {
                     let done = if len > MAX_MESSAGE_BYTES {
-                        Err(too_large(len))
+                        Err(too_large(len).into())
                     } else {
                         self.read_exact(&mut body, at + HEAD_BYTES, len)?;
                         self.take(opcode, &body, at, &mut channels, is_wanted, visit)
@@ -184,40 +189,46 @@ impl LogFile {
         is_wanted: &Wanted<'_>,
         visit: &mut Visit<'_>,
     ) -> std::result::Result<(), Stop> {
-        match parse_record(opcode, body)? {
-            Record::Message { header, data } => self.show(&header, &data, (at, 0), channels, visit),
-            Record::Chunk { header, data } => {
-                // All of it first: whether a chunk is whole is known at its end.
-                let records = unpack(header, &data, |_| true)?;
+        match Record::parse(opcode, body)? {
+            Record::Chunk(chunk) => {
+                let bytes = unpacked(&chunk)?;
                 let mut in_chunk = 0;
-                for record in records {
-                    channels.learn(&record, is_wanted);
-                    if let Record::Message { header, data } = &record {
-                        self.show(header, data, (at, in_chunk), channels, visit)?;
+                for record in Records::of(&bytes) {
+                    let record = record?;
+                    channels.learn(record, is_wanted);
+                    if let Record::Message { .. } = record {
+                        self.show(record, (at, in_chunk), channels, visit)?;
                         in_chunk += 1;
                     }
                 }
-                Ok(())
             }
             record => {
-                channels.learn(&record, is_wanted);
-                Ok(())
+                channels.learn(record, is_wanted);
+                self.show(record, (at, 0), channels, visit)?;
             }
         }
+        Ok(())
     }
 
+    /// Shows a message; other records say nothing.
     fn show(
         &self,
-        header: &MessageHeader,
-        data: &[u8],
+        message: Record<'_>,
         (record, in_chunk): (u64, u32),
         channels: &Channels,
         visit: &mut Visit<'_>,
     ) -> std::result::Result<(), Stop> {
-        let Some((topic, is_wanted)) = channels.topics.get(&header.channel_id) else {
+        let Record::Message {
+            channel,
+            logged,
+            data,
+        } = message
+        else {
+            return Ok(());
+        };
+        let Some((topic, is_wanted)) = channels.topics.get(&channel) else {
             return Err(Stop::Damaged(format!(
-                "a message names channel {}, which is not described",
-                header.channel_id
+                "a message names channel {channel}, which is not described"
             )));
         };
         if !is_wanted {
@@ -225,7 +236,7 @@ impl LogFile {
         }
         let message = Message {
             topic,
-            logged: Stamp::from_ns(i64::try_from(header.log_time).unwrap_or(i64::MAX)),
+            logged: Stamp::from_ns(i64::try_from(logged).unwrap_or(i64::MAX)),
             data,
             position: Position {
                 file: self.number,
@@ -257,10 +268,10 @@ impl LogFile {
         }
         let mut body = Vec::new();
         self.read_exact(&mut body, position.record + HEAD_BYTES, len)?;
-        match parse_record(opcode, &body) {
-            Ok(Record::Message { data, .. }) => use_data(&data),
-            Ok(Record::Chunk { header, data }) => {
-                let messages = Arc::new(self.images_of(header, &data)?);
+        match Record::parse(opcode, &body) {
+            Ok(Record::Message { data, .. }) => use_data(data),
+            Ok(Record::Chunk(chunk)) => {
+                let messages = Arc::new(self.images_of(&chunk)?);
                 let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
                 cache.put(position.record, &messages);
                 drop(cache);
@@ -271,23 +282,20 @@ impl LogFile {
         }
     }
 
-    fn images_of(&self, header: ChunkHeader, data: &[u8]) -> Result<HashMap<u32, Vec<u8>>> {
+    fn images_of(&self, chunk: &Chunk<'_>) -> Result<HashMap<u32, Vec<u8>>> {
         let channels = {
             let cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
             cache.channels.clone()
         };
-        let records = unpack(header, data, |record| {
-            matches!(record, Record::Message { .. })
-        })
-        .map_err(|_| changed(&self.path))?;
-        let messages = records.into_iter().enumerate();
-        Ok(messages
-            .filter_map(|(number, record)| match record {
-                Record::Message { header, data } if channels.contains(&header.channel_id) => {
-                    Some((number as u32, data.into_owned()))
-                }
-                _ => None,
-            })
+        let bytes = unpacked(chunk).map_err(|_| changed(&self.path))?;
+        let messages = Records::of(&bytes).filter_map(|record| match record {
+            Ok(Record::Message { channel, data, .. }) => Some((channel, data)),
+            _ => None,
+        });
+        Ok((0..)
+            .zip(messages)
+            .filter(|(_, (channel, _))| channels.contains(channel))
+            .map(|(number, (_, data))| (number, data.to_owned()))
             .collect())
     }
 
@@ -351,31 +359,6 @@ impl LogFile {
 enum Head {
     Record { opcode: u8, len: u64 },
     CutOff(String),
-}
-
-fn too_large(len: u64) -> Stop {
-    Stop::Damaged(format!(
-        "{len} bytes in one piece, where at most {MAX_MESSAGE_BYTES} are read"
-    ))
-}
-
-/// The records of a chunk that are kept, all of them or an error.
-fn unpack(
-    header: ChunkHeader,
-    data: &[u8],
-    is_kept: impl Fn(&Record<'_>) -> bool,
-) -> std::result::Result<Vec<Record<'static>>, Stop> {
-    if header.uncompressed_size > MAX_MESSAGE_BYTES {
-        return Err(too_large(header.uncompressed_size));
-    }
-    let mut records = Vec::new();
-    for record in ChunkReader::new(header, data)? {
-        let record = record?;
-        if is_kept(&record) {
-            records.push(record.into_owned());
-        }
-    }
-    Ok(records)
 }
 
 #[cfg(unix)]

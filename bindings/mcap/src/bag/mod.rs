@@ -10,9 +10,11 @@
 //! What cannot be read is a [`Problem`] and no error, as long as something else can: a bag that
 //! was cut off is read up to the cut, a chunk that is damaged is left out.
 
+mod chunk;
 mod database;
 mod folder;
 mod log_file;
+mod record;
 mod types;
 mod unpacked;
 

@@ -14,7 +14,7 @@ use chronotope::learn::{LearnConfig, Learner, Observation};
 use chronotope::localize::{
     Localizer, LocalizerConfig, Method, MotionConfig, Preset, Query, Score,
 };
-use chronotope::map::{Map, MapMeta, Quarantine, SessionId, Snapshot, read_file_storage};
+use chronotope::map::{Map, Quarantine, SessionId, Snapshot, read_file_storage};
 use chronotope::trace::Trace;
 use chronotope::visibility::decode;
 use fremen::Series;
@@ -452,6 +452,10 @@ fn small_changes_of_good_inputs_do_no_harm() {
     // An empty map, too, is one.
     let folder = folder();
     let path = folder.path().join("empty.map");
-    Map::create(&path, MapMeta::new(1, "star+brief", "default")).expect("new");
+    Map::create(
+        &path,
+        chronotope::map::MapMeta::new(1, "star+brief", "default"),
+    )
+    .expect("new");
     map_file(&std::fs::read(path).expect("there"));
 }

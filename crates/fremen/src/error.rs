@@ -8,6 +8,7 @@ use std::borrow::Cow;
 use std::error::Error as StdError;
 use std::fmt;
 use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 /// The result type of every fallible function.
@@ -243,6 +244,19 @@ pub fn describe(error: &(dyn StdError + 'static)) -> String {
     parts.join(": ")
 }
 
+/// What `work` gives; of a panic in it, `error` makes an error from what was said. For libraries that
+/// panic on files which are damaged; what `work` has touched is not to be used after one.
+pub fn catching<T>(
+    work: impl FnOnce() -> Result<T>,
+    error: impl FnOnce(&str) -> Error,
+) -> Result<T> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+        let text = (panic.downcast_ref::<String>().map(String::as_str))
+            .or_else(|| panic.downcast_ref::<&str>().copied());
+        Err(error(text.unwrap_or("no reason given")))
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -302,5 +316,23 @@ mod tests {
     fn errors_go_from_thread_to_thread() {
         fn check<T: Send + Sync + 'static>() {}
         check::<Error>();
+    }
+
+    #[test]
+    fn a_panic_is_an_error_with_its_words() {
+        let refused = |text: &str| Error::new(ErrorKind::Format, format!("no table: {text}"));
+        let number = std::hint::black_box(7);
+        let works: [fn(usize) -> Result<usize>; 4] = [
+            |number| panic!("row {number}"),
+            |_| panic!("plain"),
+            |number| Ok([1, 2][number]),
+            |_| std::panic::panic_any(3),
+        ];
+        let said = works.map(|work| catching(|| work(number), refused).unwrap_err().to_string());
+        assert_eq!(said[0], "no table: row 7");
+        assert_eq!(said[1], "no table: plain");
+        assert!(said[2].contains("out of bounds"), "{}", said[2]);
+        assert_eq!(said[3], "no table: no reason given");
+        assert_eq!(catching(|| Ok(number), refused).unwrap(), 7);
     }
 }

@@ -4,7 +4,6 @@
 //! file and what helps, and so is one that makes `tract` panic: a file is nobody's word that its
 //! numbers fit together.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use tract_onnx::prelude::*;
@@ -12,7 +11,7 @@ use tract_onnx::tract_hir::infer::Factoid;
 use tract_onnx::tract_hir::internal::{DimLike, TractErrorContext};
 
 use super::{Model, OnnxConfig};
-use fremen::error::{Error, ErrorKind, Result};
+use fremen::error::{Error, ErrorKind, Result, catching};
 
 /// A grid of fewer cells a side says next to nothing of where something is.
 const MIN_CELLS: usize = 3;
@@ -32,7 +31,7 @@ pub(super) struct Network {
 impl Network {
     /// Reads a model; errors name its file.
     pub(super) fn load(model: &Model, config: &OnnxConfig) -> Result<Self> {
-        let loaded = catching(|| load(&model.bytes, config));
+        let loaded = catching(|| load(&model.bytes, config), panicked);
         loaded.map_err(|error| error.with_path(&model.path))
     }
 
@@ -45,7 +44,7 @@ impl Network {
     ///
     /// Fails with [`ErrorKind::Format`] if one is no finite number.
     pub(super) fn run(&self, planes: &[f32]) -> Result<Vec<f32>> {
-        catching(|| {
+        let work = || {
             let [channels, rows, columns] = self.input;
             let values = Tensor::from_shape(&[1, channels, rows, columns], planes)
                 .and_then(|input| self.plan.run(tvec!(input.into())))
@@ -59,7 +58,8 @@ impl Network {
                 "its weights are damaged, or too large for its input: export the network again, \
                  and look at mean and std",
             ))
-        })
+        };
+        catching(work, panicked)
     }
 }
 
@@ -231,16 +231,11 @@ fn said(text: &str) -> String {
     }
 }
 
-/// What `work` gives; a panic in it is an error.
-fn catching<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
-    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|cause| {
-        let text = (cause.downcast_ref::<String>().map(String::as_str))
-            .or_else(|| cause.downcast_ref::<&str>().copied())
-            .unwrap_or("no reason given");
-        Err(Error::new(
-            ErrorKind::Format,
-            format!("the network cannot be run: {}", said(text)),
-        )
-        .with_help("its numbers do not fit together: export it again"))
-    })
+/// The error for a network that makes `tract` panic.
+fn panicked(text: &str) -> Error {
+    Error::new(
+        ErrorKind::Format,
+        format!("the network cannot be run: {}", said(text)),
+    )
+    .with_help("its numbers do not fit together: export it again")
 }

@@ -3,6 +3,8 @@
 //! A file is checked before its first row is read: that it is the table, has the columns, and has them of
 //! the right types. Each row group is read by itself, by whoever has time; text and identities stay as
 //! numbers into a dictionary, so that rows that say the same are found without looking at it.
+//!
+//! The crate `parquet` panics on some files that are damaged: where it is called, that is an error, too.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -11,6 +13,7 @@ use arrow_array::cast::AsArray;
 use arrow_array::types::{ArrowPrimitiveType, Int32Type};
 use arrow_array::{Array, ArrayRef, BinaryArray, FixedSizeBinaryArray, RecordBatch, StringArray};
 use arrow_schema::{DataType, Field, Schema};
+use fremen::error::catching;
 use fremen::{Error, ErrorKind, Result};
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{
@@ -36,7 +39,8 @@ pub(super) struct TableFile {
 impl TableFile {
     /// Opens a file to read some columns of `kind`, by their names.
     pub(super) fn open(path: &Path, kind: &TableKind, names: &[&str]) -> Result<Self> {
-        Self::check(path, kind, names).map_err(|error| error.with_path(path))
+        let panicked = |text: &str| damaged(text).with_place("footer");
+        catching(|| Self::check(path, kind, names), panicked).map_err(|error| error.with_path(path))
     }
 
     fn check(path: &Path, kind: &TableKind, names: &[&str]) -> Result<Self> {
@@ -91,14 +95,17 @@ impl TableFile {
     pub(super) fn rows(&self, row_group: usize) -> Result<Rows<'_>> {
         // A file of its own: a shared one has one position for all threads.
         let file = fremen::file::open(&self.path)?;
-        let builder =
-            ParquetRecordBatchReaderBuilder::new_with_metadata(file, self.metadata.clone());
-        let mask = ProjectionMask::roots(builder.parquet_schema(), self.roots.iter().copied());
-        let reader = builder
-            .with_row_groups(vec![row_group])
-            .with_projection(mask)
-            .with_batch_size(BATCH)
-            .build();
+        let build = || {
+            let builder =
+                ParquetRecordBatchReaderBuilder::new_with_metadata(file, self.metadata.clone());
+            let mask = ProjectionMask::roots(builder.parquet_schema(), self.roots.iter().copied());
+            builder
+                .with_row_groups(vec![row_group])
+                .with_projection(mask)
+                .with_batch_size(BATCH)
+                .build()
+                .map_err(parquet_error)
+        };
         // A projection keeps the order of the file.
         let order = self.roots.iter().map(|root| {
             let before = self.roots.iter().filter(|other| *other < root);
@@ -109,14 +116,17 @@ impl TableFile {
             row_group,
             order: order.collect(),
             first_row: 0,
-            reader: reader.map_err(|cause| self.error(row_group, cause))?,
+            reader: self.decoded(row_group, build)?,
         })
     }
 
-    fn error(&self, row_group: usize, cause: ParquetError) -> Error {
-        parquet_error(cause)
-            .with_path(&self.path)
-            .with_place(format!("row group {row_group}"))
+    /// What the crate `parquet` makes of a row group.
+    fn decoded<T>(&self, row_group: usize, work: impl FnOnce() -> Result<T>) -> Result<T> {
+        catching(work, damaged).map_err(|error| {
+            error
+                .with_path(&self.path)
+                .with_place(format!("row group {row_group}"))
+        })
     }
 }
 
@@ -141,6 +151,12 @@ fn missing(kind: &TableKind, name: &str, found: &Schema) -> Error {
             kind.name,
             expected.join(", ")
         ))
+}
+
+/// The error for a file that makes `parquet` panic.
+fn damaged(text: &str) -> Error {
+    Error::new(ErrorKind::Format, format!("it cannot be read: {text}"))
+        .with_help("the file is damaged: write it again")
 }
 
 fn parquet_error(cause: ParquetError) -> Error {
@@ -168,11 +184,16 @@ pub(super) struct Rows<'a> {
 impl<'a> Rows<'a> {
     /// The next rows, none of which has a null in any column; `None` at the end.
     pub(super) fn next(&mut self) -> Result<Option<Batch<'a>>> {
-        let Some(batch) = self.reader.next() else {
+        let next = || {
+            let batch = self.reader.next().transpose();
+            batch.map_err(|cause| parquet_error(cause.into()))
+        };
+        let Some(batch) = self
+            .table
+            .decoded::<Option<RecordBatch>>(self.row_group, next)?
+        else {
             return Ok(None);
         };
-        let batch: RecordBatch =
-            batch.map_err(|cause| self.table.error(self.row_group, cause.into()))?;
         let columns = self.order.iter().map(|&at| Arc::clone(batch.column(at)));
         let batch = Batch {
             table: self.table,

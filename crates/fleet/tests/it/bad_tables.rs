@@ -9,7 +9,7 @@ use arrow_array::{
     ArrayRef, BooleanArray, Float64Array, Int32Array, Int64Array, RecordBatch, StringArray,
     TimestampMicrosecondArray, TimestampMillisecondArray, TimestampNanosecondArray,
 };
-use chronotope_fleet::table::{ReadConfig, read_models, read_observations};
+use chronotope_fleet::table::{ModelWriter, ReadConfig, read_models, read_observations};
 use chronotope_fleet::{FleetConfig, learn};
 use fremen::ErrorKind;
 use parquet::arrow::ArrowWriter;
@@ -264,4 +264,44 @@ fn a_model_that_is_not_one_is_named() {
         );
         std::fs::remove_file(&path).expect("there");
     }
+}
+
+/// The reader of the format believes much of what a file says of itself.
+#[test]
+fn damaged_bytes_give_rows_or_an_error_that_names_the_file() {
+    let folder = tempfile::tempdir().expect("temporary");
+    let foreign = folder.path().join("observations.parquet");
+    write(&foreign, &[columns(), columns()], None);
+    let models = folder.path().join("models.parquet");
+    let log = log_of(&observations()[..300]);
+    let mut table = ModelWriter::begin(&models).expect("new");
+    (table.write(&learn(&log, &FleetConfig::default()).expect("learnt"))).expect("written");
+    table.finish().expect("whole");
+    let read = |path: &PathBuf| {
+        let files = [path.clone()];
+        if *path == models {
+            read_models(&files).map(drop)
+        } else {
+            read_observations(&files, &ReadConfig::default()).map(drop)
+        }
+    };
+    let mut num_refused = 0;
+    for path in [&foreign, &models] {
+        let good = std::fs::read(path).expect("there");
+        read(path).expect("a table");
+        // Some of all of it.
+        for at in (0..good.len()).step_by(1 + good.len() / 1_000) {
+            let byte = [0x00, 0x7f, 0xff, good[at] ^ 1, good[at] ^ 0x80][at % 5];
+            let mut changed = good.clone();
+            changed[at] = byte;
+            std::fs::write(path, &changed).expect("written");
+            if let Err(error) = read(path) {
+                num_refused += 1;
+                let text = error.to_string();
+                assert!(text.contains(&*path.to_string_lossy()), "byte {at}: {text}");
+                assert!(error.help().is_some(), "byte {at}: {text}");
+            }
+        }
+    }
+    assert!(num_refused > 200, "{num_refused}");
 }

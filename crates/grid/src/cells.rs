@@ -184,6 +184,15 @@ impl CellState {
         !matches!(self, Self::Unknown)
     }
 
+    /// `free`, `occupied` or `unknown`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Free => "free",
+            Self::Occupied => "occupied",
+            Self::Unknown => "unknown",
+        }
+    }
+
     /// How likely a cell in this state is occupied; none where it is unknown.
     pub const fn as_probability(self) -> Option<f32> {
         match self {

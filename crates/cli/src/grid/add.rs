@@ -1,6 +1,6 @@
 //! How do maps come into a grid?
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
@@ -11,10 +11,7 @@ use super::model::ModelArgs;
 use super::quarantine;
 use chronotope_terminal::{Outcome, Output};
 use fremen::{Error, ErrorKind, Time};
-use fremen_grid::exchange::{
-    IndexEntry, MapServerMap, common_spec, map_of_points, patch_of_occupancy, read_index,
-    read_octomap, read_points,
-};
+use fremen_grid::exchange::{IndexEntry, common_spec, patch_of_occupancy, read_index, read_map};
 use fremen_grid::file::Access;
 use fremen_grid::lifelong::{LifelongGrid, MapId, TakenIn};
 use fremen_grid::registration::{GuardConfig, Quarantined};
@@ -130,29 +127,17 @@ impl MapArgs {
         let progress = Progress::new("reading", entries.len());
         let mut maps = Vec::with_capacity(entries.len());
         for (done, entry) in entries.into_iter().enumerate() {
-            let map = self.read_map(&entry.path)?;
+            let map = read_map(&entry.path, self.resolution).map_err(|error| {
+                if self.resolution.is_none() && error.kind() == ErrorKind::Config {
+                    return error
+                        .with_help("say how large they are, for instance --resolution 0.1");
+                }
+                error
+            })?;
             maps.push((entry, map));
             progress.reach(done + 1);
         }
         Ok(maps)
-    }
-
-    /// By the ending of its name.
-    fn read_map(&self, path: &Path) -> Result<OccupancyMap> {
-        let ending = path.extension().and_then(|it| it.to_str());
-        Ok(match ending.map(str::to_ascii_lowercase).as_deref() {
-            Some("bt") => read_octomap(path)?,
-            Some("ply" | "csv") => {
-                let resolution_m = self.resolution.ok_or_else(|| {
-                    Error::new(ErrorKind::Config, "a list of points has no voxels")
-                        .with_path(path)
-                        .with_help("say how large they are, for instance --resolution 0.1")
-                })?;
-                map_of_points(&read_points(path)?, resolution_m)
-                    .map_err(|error| error.with_path(path))?
-            }
-            _ => MapServerMap::read(path)?.to_map(),
-        })
     }
 
     /// Puts them into a history.
@@ -236,7 +221,7 @@ pub(super) fn add(args: &AddArgs, out: &mut Output) -> Result<Outcome> {
                 doubts.push(format!(
                     "{}: quarantined: {}",
                     entry.path.display(),
-                    quarantine::why(&judgement)
+                    judgement.why()
                 ));
             }
         }

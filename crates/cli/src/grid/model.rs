@@ -3,11 +3,8 @@
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 
-use fremen::{CandidatePeriods, Period};
-use fremen_grid::{CellModel, GridConfig, Persistence};
-
-/// The most parts of a folded period.
-const FOLDED_BINS: usize = 48;
+use fremen_grid::model::{BasePeriod, ModelChoice, ModelKind};
+use fremen_grid::{GridConfig, Persistence};
 
 /// How cells are predicted. The grid keeps what was seen, so that each command may choose anew.
 #[derive(Debug, Args)]
@@ -83,35 +80,29 @@ impl Default for ModelArgs {
 
 impl ModelArgs {
     pub(super) fn config(&self) -> Result<GridConfig> {
-        let (period, hours) = match self.base {
-            Base::Day => (Period::DAY, 24),
-            Base::Week => (Period::WEEK, 168),
-            Base::Year => (Period::YEAR, 8_766),
-        };
-        let num_parts = self.parts.unwrap_or(hours);
-        let model = match self.model {
-            Kind::Fremen => CellModel::Fremen {
-                candidates: CandidatePeriods::harmonic(period, num_parts)?,
-                order: self.order,
-            },
-            Kind::Histogram => CellModel::Histogram {
-                period,
-                num_bins: num_parts,
-            },
-            Kind::Folded => CellModel::Folded {
-                candidates: CandidatePeriods::harmonic(period, num_parts)?,
-                num_bins: FOLDED_BINS,
-            },
-            Kind::Mean => CellModel::Mean,
-            Kind::Last => CellModel::LastObservation,
-        };
         let persistence = match (self.no_persistence, self.surprise) {
             (true, _) => Persistence::None,
             (_, true) => Persistence::Surprise,
             _ => Persistence::State,
         };
-        Ok(GridConfig::new(model)?
-            .with_persistence_of(persistence)
-            .with_persistence_share(self.persistence)?)
+        let choice = ModelChoice {
+            kind: match self.model {
+                Kind::Fremen => ModelKind::Fremen,
+                Kind::Histogram => ModelKind::Histogram,
+                Kind::Folded => ModelKind::Folded,
+                Kind::Mean => ModelKind::Mean,
+                Kind::Last => ModelKind::Last,
+            },
+            base: match self.base {
+                Base::Day => BasePeriod::Day,
+                Base::Week => BasePeriod::Week,
+                Base::Year => BasePeriod::Year,
+            },
+            num_parts: self.parts,
+            order: self.order,
+            persistence,
+            share: self.persistence,
+        };
+        Ok(choice.config()?)
     }
 }

@@ -12,10 +12,10 @@ use super::model::ModelArgs;
 use chronotope_terminal::{Outcome, Output};
 use fremen::file::{OutputFile, OutputKind};
 use fremen::{Error, ErrorKind, Time};
-use fremen_grid::exchange::{MapMode, MapServerMap, write_octomap, write_points};
+use fremen_grid::exchange::{MapMode, write_map};
 use fremen_grid::file::Access;
 use fremen_grid::picture::occupancy_png;
-use fremen_grid::{FittedGrid, GridFile, OccupancyMap, TemporalGrid, Thresholds};
+use fremen_grid::{FittedGrid, GridFile, OccupancyMap, TemporalGrid};
 
 const PNG: OutputKind = OutputKind {
     noun: "a picture",
@@ -120,7 +120,7 @@ pub(super) fn predict(args: &PredictArgs, out: &mut Output) -> Result<Outcome> {
     let mut map = OccupancyMap::new_unknown(spec);
     fitted.predict_into(args.time, &mut map)?;
     if let Some(path) = &args.out {
-        write_map(&map, path, args.mode, &args.grid)?;
+        write_map(&map, path, args.mode.of_map(), &[&args.grid])?;
     }
     if let Some(path) = &args.png {
         write_png(path, &occupancy_png(&map)?, &[&args.grid])?;
@@ -196,7 +196,12 @@ pub(super) fn export(args: &ExportArgs, out: &mut Output) -> Result<Outcome> {
         fitted.predict_into(time, &mut map)?;
         let ending = if spec.is_2d() { "yaml" } else { "bt" };
         let name = format!("{number:05}.{ending}");
-        write_map(&map, &args.out.join(&name), args.mode, &args.grid)?;
+        write_map(
+            &map,
+            args.out.join(&name),
+            args.mode.of_map(),
+            &[&args.grid],
+        )?;
         index.push_str(&[&time.to_string(), ",", &name, "\n"].concat());
         progress.reach(number as usize + 1);
     }
@@ -213,25 +218,6 @@ fn open(path: &Path, model: &ModelArgs) -> Result<TemporalGrid> {
     let config = model.config()?;
     let file = GridFile::open(path, Access::ReadOnly)?;
     Ok(TemporalGrid::from_history(file.into_history(), config))
-}
-
-/// By the ending of its name.
-fn write_map(map: &OccupancyMap, path: &Path, mode: Mode, grid: &Path) -> Result<()> {
-    let ending = path.extension().and_then(|it| it.to_str());
-    match ending.map(str::to_ascii_lowercase).as_deref() {
-        Some("bt") => return Ok(write_octomap(map, Thresholds::default(), path, &[grid])?),
-        // The most likely state, as in the others.
-        Some("ply" | "csv") => return Ok(write_points(map, 0.5, path, &[grid])?),
-        _ => {}
-    }
-    if !map.spec().is_2d() {
-        return Err(
-            Error::new(ErrorKind::Shape, "a 3-D grid is no map of map_server")
-                .with_help("write *.bt, *.ply or *.csv, or a picture with --png")
-                .into(),
-        );
-    }
-    Ok(MapServerMap::from_map(map)?.write(path, mode.of_map())?)
 }
 
 /// Writes a picture in place of an earlier one.

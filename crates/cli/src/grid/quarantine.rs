@@ -10,11 +10,11 @@ use super::super::progress::Progress;
 use super::model::ModelArgs;
 use super::predict::write_png;
 use chronotope_terminal::{Outcome, Output};
-use fremen::{Error, ErrorKind};
+use fremen::Error;
 use fremen_grid::file::Access;
-use fremen_grid::lifelong::{LifelongGrid, MapId};
+use fremen_grid::lifelong::{LifelongGrid, MapId, choose};
 use fremen_grid::picture::contradictions_png;
-use fremen_grid::registration::{GuardConfig, Judgement, Quarantined, Reason};
+use fremen_grid::registration::{GuardConfig, Quarantined, Reason};
 
 /// Look at maps that `grid add` has not believed, and decide what becomes of them.
 #[derive(Debug, Subcommand)]
@@ -124,7 +124,7 @@ fn list(args: &ListArgs, out: &mut Output) -> Result<Outcome> {
                 "id": id,
                 "time": judgement.time.to_string(),
                 "observer": held.observer,
-                "reason": judgement.reason.map(word),
+                "reason": judgement.reason.map(Reason::name),
                 "disagreement": judgement.disagreement,
                 "expected": judgement.expected,
                 "limit": finite(judgement.limit),
@@ -140,7 +140,7 @@ fn list(args: &ListArgs, out: &mut Output) -> Result<Outcome> {
                 &id[..8],
                 judgement.time,
                 named(&held.observer),
-                why(judgement)
+                judgement.why()
             ))?;
         }
     }
@@ -194,64 +194,15 @@ fn finish(
 
 impl WhichArgs {
     fn find(&self, held: &[Quarantined]) -> Result<Vec<MapId>> {
-        let known: Vec<(String, MapId)> = (held.iter().map(MapId::of))
-            .map(|id| (id.to_string(), id))
-            .collect();
         if self.all {
-            return Ok(known.into_iter().map(|(_, id)| id).collect());
+            return Ok(held.iter().map(MapId::of).collect());
         }
-        let mut ids = Vec::new();
-        for text in &self.ids {
-            let digits = text.to_ascii_lowercase();
-            let mut found = known.iter().filter(|(name, _)| name.starts_with(&digits));
-            let id = match (found.next(), found.next()) {
-                (Some((_, id)), None) if !digits.is_empty() => *id,
-                (found, _) => {
-                    let (kind, message) = if found.is_some() && !digits.is_empty() {
-                        (ErrorKind::Config, format!("`{text}` begins several maps"))
-                    } else {
-                        (
-                            ErrorKind::NotFound,
-                            format!("no map in quarantine begins with `{text}`"),
-                        )
-                    };
-                    return Err(Error::new(kind, message)
-                        .with_path(&self.grid)
-                        .with_help("`chronotope grid quarantine list` shows them")
-                        .into());
-                }
-            };
-            if !ids.contains(&id) {
-                ids.push(id);
-            }
-        }
-        Ok(ids)
-    }
-}
-
-/// Why a map is not believed, with the numbers.
-pub(super) fn why(judgement: &Judgement) -> String {
-    let shift = judgement.registration.map_or(0.0, |it| it.shift_m);
-    match judgement.reason {
-        Some(Reason::Contradiction) => format!(
-            "{:.1} % of its surfaces contradict the prediction, up to {:.1} % are usual",
-            100.0 * judgement.disagreement,
-            100.0 * judgement.limit
-        ),
-        Some(Reason::Shift) => format!(
-            "it would have to be moved by {shift:.2} m, up to {:.2} m are usual",
-            judgement.shift_limit_m
-        ),
-        Some(Reason::Nothing) => "nothing of it can be compared with the prediction".to_owned(),
-        None => "it is believed".to_owned(),
-    }
-}
-
-const fn word(reason: Reason) -> &'static str {
-    match reason {
-        Reason::Contradiction => "contradiction",
-        Reason::Shift => "shift",
-        Reason::Nothing => "nothing",
+        choose(held, &self.ids).map_err(|error| {
+            error
+                .with_path(&self.grid)
+                .with_help("`chronotope grid quarantine list` shows them")
+                .into()
+        })
     }
 }
 

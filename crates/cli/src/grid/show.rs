@@ -12,7 +12,7 @@ use chronotope_terminal::{Outcome, Output};
 use fremen::{Component, Error, ErrorKind, Time};
 use fremen_grid::file::Access;
 use fremen_grid::picture::rhythms_png;
-use fremen_grid::{CellState, GridFile, TemporalGrid};
+use fremen_grid::{GridFile, TemporalGrid};
 
 /// Show what a grid holds.
 #[derive(Debug, Args)]
@@ -140,11 +140,6 @@ pub(super) fn explain(args: &ExplainArgs, out: &mut Output) -> Result<Outcome> {
         .into());
     };
     let found = grid.fitted().explain(cell, args.time)?;
-    let state = |state| match state {
-        CellState::Occupied => "occupied",
-        CellState::Free => "free",
-        CellState::Unknown => "unknown",
-    };
     if args.json {
         let rhythms = found.rhythms.iter().map(|it| {
             json!({
@@ -160,7 +155,7 @@ pub(super) fn explain(args: &ExplainArgs, out: &mut Output) -> Result<Outcome> {
             "periodic": found.periodic,
             "persistence": found.persistence,
             "last_seen": found.last_seen.map(|(time, _)| time.to_string()),
-            "last_state": found.last_seen.map(|(_, it)| state(it)),
+            "last_state": found.last_seen.map(|(_, it)| it.name()),
             "num_observed": found.num_observed,
             "num_occupied": found.num_occupied,
             "num_changes": found.num_changes,
@@ -182,7 +177,7 @@ pub(super) fn explain(args: &ExplainArgs, out: &mut Output) -> Result<Outcome> {
         found.periodic, found.persistence
     ))?;
     if let Some((time, it)) = found.last_seen {
-        out.line(format_args!("  last seen {} at {time}", state(it)))?;
+        out.line(format_args!("  last seen {} at {time}", it.name()))?;
     }
     out.line(format_args!(
         "  seen {} times, {} times occupied, {} changes",

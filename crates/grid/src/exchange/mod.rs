@@ -3,8 +3,9 @@
 //! [`MapServerMap`] is what ROS's `map_server` (`nav2_map_server`) loads and saves: a picture and
 //! a YAML file that says what its shades mean. [`read_index`] reads a list of such maps with their
 //! times. 3-D maps come and go as `OctoMap` trees ([`read_octomap`]) and as lists of points in PLY or
-//! CSV ([`read_points`]).
+//! CSV ([`read_points`]). [`read_map`] and [`write_map`] tell them by their names.
 
+mod any;
 mod index;
 mod map_server;
 mod mode;
@@ -14,6 +15,7 @@ mod place;
 mod points;
 mod yaml;
 
+pub use any::{read_map, write_map};
 pub use index::{IndexEntry, read_index};
 pub use map_server::{MapServerMap, UNKNOWN};
 pub use mode::MapMode;

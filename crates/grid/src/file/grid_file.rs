@@ -106,6 +106,16 @@ impl GridFile {
         Ok(Self { store, known })
     }
 
+    /// The file.
+    pub fn path(&self) -> &Path {
+        self.store.path()
+    }
+
+    /// Whether a change is known to fail: it was opened to be read, or may not be written.
+    pub fn is_read_only(&self) -> bool {
+        self.store.is_read_only()
+    }
+
     /// What the newest generation holds.
     pub const fn history(&self) -> &History {
         &self.known.history

@@ -12,7 +12,7 @@ use crate::file::{Attachments, GridFile, UNDIGESTED};
 use crate::history::{History, Outcome};
 use crate::model::GridConfig;
 use crate::registration::{Decision, Guard, GuardConfig, Judgement, Quarantined};
-use crate::temporal::TemporalGrid;
+use crate::temporal::{FittedGrid, TemporalGrid};
 
 /// Names of attachments of quarantined maps begin so.
 const HELD: &str = "held-";
@@ -39,6 +39,37 @@ impl std::fmt::Display for MapId {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
     }
+}
+
+/// The quarantined maps whose identities begin with these digits, each once.
+///
+/// # Errors
+/// [`ErrorKind::NotFound`] where none does, [`ErrorKind::Config`] where several do.
+pub fn choose<S: AsRef<str>>(held: &[Quarantined], begin_with: &[S]) -> Result<Vec<MapId>> {
+    let known: Vec<(String, MapId)> = (held.iter().map(MapId::of))
+        .map(|id| (id.to_string(), id))
+        .collect();
+    let mut ids = Vec::new();
+    for text in begin_with {
+        let text = text.as_ref();
+        let digits = text.to_ascii_lowercase();
+        let mut found = (known.iter())
+            .filter(|(name, _)| !digits.is_empty() && name.starts_with(&digits))
+            .map(|(_, id)| *id);
+        match (found.next(), found.next()) {
+            (Some(id), None) if ids.contains(&id) => {}
+            (Some(id), None) => ids.push(id),
+            (None, _) => {
+                let message = format!("no map in quarantine begins with `{text}`");
+                return Err(Error::new(ErrorKind::NotFound, message));
+            }
+            (Some(_), Some(_)) => {
+                let message = format!("`{text}` begins several maps");
+                return Err(Error::new(ErrorKind::Config, message));
+            }
+        }
+    }
+    Ok(ids)
 }
 
 fn digest(parts: &[&[u8]]) -> [u8; 16] {
@@ -115,18 +146,29 @@ impl LifelongGrid {
         progress: impl FnMut(usize, usize),
     ) -> Result<Self> {
         let path = path.as_ref();
-        let file = GridFile::open(path, access)?;
+        Self::of_file(GridFile::open(path, access)?, config, guard, progress)
+            .map_err(|error| error.with_path(path))
+    }
+
+    /// Puts the guard of a file that is open before it, as [`open`](Self::open) does.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Format`] where an attachment is not as it is written.
+    pub fn of_file(
+        file: GridFile,
+        config: &GridConfig,
+        guard: GuardConfig,
+        progress: impl FnMut(usize, usize),
+    ) -> Result<Self> {
         let memory = match file.attachments().get(UNDIGESTED) {
-            Some(bytes) => {
-                Memory::decode(bytes).ok_or_else(|| unreadable(UNDIGESTED).with_path(path))?
-            }
+            Some(bytes) => Memory::decode(bytes).ok_or_else(|| unreadable(UNDIGESTED))?,
             None => past_of(file.history(), config, guard, progress)?,
         };
         let mut held = Vec::new();
         for (name, bytes) in file.attachments() {
             if name.starts_with(HELD) {
                 let found = decode_held(file.history().spec(), bytes);
-                held.push(found.ok_or_else(|| unreadable(name).with_path(path))?);
+                held.push(found.ok_or_else(|| unreadable(name))?);
             }
         }
         // A merged grid may hold what another one has accepted.
@@ -148,6 +190,21 @@ impl LifelongGrid {
     /// What is in the file as it was last committed.
     pub const fn file(&self) -> &GridFile {
         &self.file
+    }
+
+    /// Gives the file away as it was last committed; what was taken in since is forgotten.
+    pub fn into_file(self) -> GridFile {
+        self.file
+    }
+
+    /// What the grid predicts, with what was taken in since the last commit.
+    pub fn fitted(&mut self) -> FittedGrid<'_> {
+        self.grid.fitted()
+    }
+
+    /// Predicts otherwise from now on, and judges new maps by that.
+    pub fn set_config(&mut self, config: GridConfig) {
+        self.grid.set_config(config);
     }
 
     /// Maps in quarantine, oldest first.

@@ -9,4 +9,4 @@
 mod codec;
 mod grid;
 
-pub use grid::{LifelongGrid, MapId, TakenIn};
+pub use grid::{LifelongGrid, MapId, TakenIn, choose};

@@ -11,6 +11,7 @@
 //! `g_k = (S_k - mu W_k) / m`: the same spectrum as from all observations, for the price of the
 //! changes. Sums are whole numbers (multiples of 2^-40), so that neither order nor threads show.
 
+mod choice;
 mod columns;
 mod config;
 mod errors;
@@ -19,6 +20,7 @@ mod folded;
 mod stats;
 mod tile_model;
 
+pub use choice::{BasePeriod, ModelChoice, ModelKind};
 pub use config::{CellModel, GridConfig, MAX_FOLDED, MAX_ORDER, Persistence};
 pub use errors::Errors;
 pub(crate) use errors::{errors, errors_by_day};

@@ -70,6 +70,17 @@ pub enum Reason {
     Nothing,
 }
 
+impl Reason {
+    /// `contradiction`, `shift` or `nothing`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Contradiction => "contradiction",
+            Self::Shift => "shift",
+            Self::Nothing => "nothing",
+        }
+    }
+}
+
 /// What was found of one map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judgement {
@@ -90,6 +101,24 @@ pub struct Judgement {
 }
 
 impl Judgement {
+    /// Why the map is not believed, with the numbers, or that it is.
+    pub fn why(&self) -> String {
+        let shift_m = self.registration.map_or(0.0, |it| it.shift_m);
+        match self.reason {
+            Some(Reason::Contradiction) => format!(
+                "{:.1} % of its surfaces contradict the prediction, up to {:.1} % are usual",
+                100.0 * self.disagreement,
+                100.0 * self.limit
+            ),
+            Some(Reason::Shift) => format!(
+                "it would have to be moved by {shift_m:.2} m, up to {:.2} m are usual",
+                self.shift_limit_m
+            ),
+            Some(Reason::Nothing) => "nothing of it can be compared with the prediction".to_owned(),
+            None => "it is believed".to_owned(),
+        }
+    }
+
     /// Whether the map was moved on a grid with such cells: less than half a cell leaves it as it is.
     pub fn is_moved(&self, cell_m: f64) -> bool {
         self.registration

@@ -4,7 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use fremen_grid::exchange::{
-    MapMode, MapServerMap, read_octomap, read_points, write_octomap, write_points,
+    MapMode, MapServerMap, read_map, read_octomap, read_points, write_map, write_octomap,
+    write_points,
 };
 use fremen_grid::{ErrorKind, GridSpec, OccupancyMap, Thresholds};
 use proptest::prelude::*;
@@ -263,4 +264,35 @@ fn a_tree_does_not_replace_another_file() {
     assert_eq!(fs::read(&path).unwrap(), b"mine");
     assert!(read_octomap(&path).is_err());
     assert!(read_points(&path).is_err());
+}
+
+#[test]
+fn a_map_is_read_and_written_by_its_name() {
+    let folder = folder();
+    let spec = GridSpec::new_3d([0.0; 3], 0.5, [2, 2, 2]).unwrap();
+    let mut solid = OccupancyMap::new_unknown(spec);
+    solid.set(0, Some(1.0));
+    solid.set(7, Some(0.0));
+    let flat = MapServerMap::new(
+        GridSpec::new_2d([0.0; 2], 0.5, [2, 1]).unwrap(),
+        vec![0, 100],
+    )
+    .unwrap()
+    .to_map();
+    let path = |name: &str| folder.path().join(name);
+    write_map(&flat, path("flat.yaml"), MapMode::Trinary, &[]).unwrap();
+    assert_eq!(read_map(path("flat.yaml"), None).unwrap(), flat);
+    write_map(&solid, path("solid.BT"), MapMode::Trinary, &[]).unwrap();
+    assert_eq!(read_map(path("solid.BT"), None).unwrap().get(0), Some(1.0));
+    write_map(&solid, path("solid.ply"), MapMode::Trinary, &[]).unwrap();
+    assert_eq!(
+        read_map(path("solid.ply"), Some(0.5)).unwrap().get(0),
+        Some(1.0)
+    );
+    let error = read_map(path("solid.ply"), None).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Config);
+    assert!(error.path().is_some());
+    let error = write_map(&solid, path("solid.yaml"), MapMode::Trinary, &[]).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Shape);
+    assert!(!path("solid.yaml").exists());
 }

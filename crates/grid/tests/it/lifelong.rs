@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use fremen_grid::file::Access;
-use fremen_grid::lifelong::{LifelongGrid, MapId, TakenIn};
+use fremen_grid::lifelong::{LifelongGrid, MapId, TakenIn, choose};
 use fremen_grid::registration::{GuardConfig, Reason};
 use fremen_grid::{
     CellState, ErrorKind, GridConfig, GridFile, GridSpec, History, OccupancyMap, Patch, Result,
@@ -309,5 +309,54 @@ fn a_grid_of_format_1_is_read_and_becomes_one_of_format_2_by_its_first_change() 
     GridFile::open(&path, Access::ReadWrite)?.rollback(1)?;
     assert_eq!(digest(&path), before);
     assert_eq!(GridFile::open(&path, Access::ReadOnly)?.generation(), 3);
+    Ok(())
+}
+
+#[test]
+fn a_guard_is_put_before_an_open_file_and_taken_away_again() -> Result<()> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.grid");
+    five_days(&path)?;
+    let file = GridFile::open(&path, Access::ReadWrite)?;
+    assert_eq!(file.path(), path);
+    assert!(!file.is_read_only());
+    let config = GridConfig::default();
+    let mut grid = LifelongGrid::of_file(file, &config, GuardConfig::default(), |_, _| {})?;
+    let taken = grid.take_in("robot", &wrong(123), time(123), false)?;
+    let TakenIn::Quarantined(judgement) = taken else {
+        panic!("a map that is turned by half a turn is believed");
+    };
+    assert!(judgement.why().contains("usual"), "{}", judgement.why());
+    // What it predicts is what the file's grid predicts.
+    let mut other = TemporalGrid::from_history(grid.file().history().clone(), config);
+    let mut maps = [(); 2].map(|()| OccupancyMap::new_unknown(spec()));
+    grid.fitted().predict_into(time(130), &mut maps[0])?;
+    other.predict_into(time(130), &mut maps[1])?;
+    assert_eq!(maps[0], maps[1]);
+    // Nothing was committed, and the file goes on without.
+    let generation = grid.file().generation();
+    assert_eq!(grid.into_file().generation(), generation);
+    Ok(())
+}
+
+#[test]
+fn quarantined_maps_are_chosen_by_their_first_digits() -> Result<()> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.grid");
+    five_days(&path)?;
+    let mut grid = open(&path)?;
+    grid.take_in("robot", &wrong(123), time(123), false)?;
+    let held = grid.quarantined();
+    let id = MapId::of(&held[0]);
+    let name = id.to_string();
+    assert_eq!(choose(held, &[&name[..6], &name.to_uppercase()])?, [id]);
+    for (digits, kind) in [("", ErrorKind::NotFound), ("xyz", ErrorKind::NotFound)] {
+        assert_eq!(choose(held, &[digits]).expect_err("none").kind(), kind);
+    }
+    let twice = [held[0].clone(), held[0].clone()];
+    assert_eq!(
+        choose(&twice, &[&name]).expect_err("two").kind(),
+        ErrorKind::Config
+    );
     Ok(())
 }

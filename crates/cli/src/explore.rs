@@ -271,18 +271,18 @@ fn run_plan(args: &PlanArgs, out: &mut Output) -> Result<Outcome> {
     let cfg = args.common.cfg(&slots)?;
     let known = args.common.known(args.from, args.from)?;
     let visits = match &args.driving.roads {
-        None => planned(&known, &plan(&known, slots, &cfg)?),
+        None => planned(&known.places, &plan(&known.places, slots, &cfg)?),
         Some(roads) => driven(args, roads, &known, &slots)?,
     };
     show(&visits, args.form.form(), args.from, out)?;
     Ok(Outcome::Good)
 }
 
-fn planned(known: &Known, plan: &Plan) -> Vec<PlannedVisit> {
+fn planned(places: &dyn Explored, plan: &Plan) -> Vec<PlannedVisit> {
     let visits = plan.visits().map(|visit| PlannedVisit {
         start: visit.start,
         end: visit.end,
-        place: known.name(visit.place).to_owned(),
+        place: places.name(visit.place).to_owned(),
         info_bits: visit.info_bits,
         reason: visit.reason.to_string(),
     });
@@ -296,8 +296,9 @@ fn driven(
     known: &Known,
     slots: &Slots,
 ) -> Result<Vec<PlannedVisit>> {
-    let names: Vec<&str> = (0..known.num_places())
-        .map(|place| known.name(place))
+    let places = &known.places;
+    let names: Vec<&str> = (0..places.num_places())
+        .map(|place| places.name(place))
         .collect();
     let place = |name: &str| -> fremen::Result<usize> {
         names.iter().position(|it| *it == name).ok_or_else(|| {
@@ -339,7 +340,7 @@ fn driven(
             note!("note: there is no way from `{}` to `{name}`", names[at]);
         }
     }
-    let tour = plan_tour(known, slots, &ways, &cfg)?;
+    let tour = plan_tour(places, slots, &ways, &cfg)?;
     let stops = tour.stops.iter().map(|stop| {
         let (info_bits, reason) = match stop.stop {
             Stop::Visit { value } => (value, "teaches most for the time that it takes".to_owned()),
@@ -390,8 +391,8 @@ fn run_next(args: &NextArgs, out: &mut Output) -> Result<Outcome> {
     // The slot under way belongs to what is done already, unless it begins now.
     let passed = |slot: &usize| slots.begin(*slot) < now;
     let from = (0..slots.len()).take_while(passed).count();
-    let plan = plan_rest(&known, slots, &cfg, from, &made)?;
-    let mut visits = planned(&known, &plan);
+    let plan = plan_rest(&known.places, slots, &cfg, from, &made)?;
+    let mut visits = planned(&known.places, &plan);
     visits.truncate(1);
     show(&visits, args.form.form(), now, out)?;
     Ok(Outcome::Good)
@@ -399,7 +400,7 @@ fn run_next(args: &NextArgs, out: &mut Output) -> Result<Outcome> {
 
 /// The visits of the day: those that the data has, and those that it is told.
 fn made(args: &NextArgs, known: &Known, slots: &Slots, now: Time) -> fremen::Result<MadeVisits> {
-    let mut made = MadeVisits::default();
+    let (mut made, places) = (MadeVisits::default(), &known.places);
     let looks = known.lately.iter();
     made.at
         .extend(looks.filter_map(|&(time, place)| Some((slots.slot_of(time)?, place))));
@@ -424,7 +425,7 @@ fn made(args: &NextArgs, known: &Known, slots: &Slots, now: Time) -> fremen::Res
             )
             .with_help("visits that were made are from --day-from to --now"));
         };
-        match (0..known.num_places()).find(|&place| known.name(place) == name) {
+        match (0..places.num_places()).find(|&place| places.name(place) == name) {
             Some(place) => made.at.push((slot, place)),
             None => made.elsewhere += 1,
         }
@@ -516,7 +517,7 @@ fn run_explain(args: &ExplainArgs, out: &mut Output) -> Result<Outcome> {
     })?;
     let slots = Slots::new(args.at, length, args.common.slots)?;
     let known = args.common.known(args.at, args.at)?;
-    let prospects = prospects(&known, &slots, 0)?;
+    let prospects = prospects(&known.places, &slots, 0)?;
     if !args.json {
         out.line(format_args!(
             "{:20}  {:>5}  {:>6}  {:>10}  {:>6}  {:>10}  {:>6}",
@@ -524,7 +525,7 @@ fn run_explain(args: &ExplainArgs, out: &mut Output) -> Result<Outcome> {
         ))?;
     }
     for it in prospects {
-        let name = known.name(it.place);
+        let name = known.places.name(it.place);
         if args.json {
             out.json(&json!({
                 "place": name,

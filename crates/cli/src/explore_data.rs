@@ -8,66 +8,19 @@ use anyhow::Result;
 use fremen::online::OnlineConfig;
 use fremen::series::Columns;
 use fremen::time::{TimeUnit, Zone};
-use fremen::visibility::{HistoryLog, VisibilityConfig, Visits, fit};
-use fremen::{Error, ErrorKind, Period, Series, Time};
-use fremen_explore::{Beliefs, Explored, Fitted, Recording};
+use fremen::{Error, ErrorKind, Series, Time};
+use fremen_explore::{Beliefs, Fitted, InZone, Recording};
 
 use super::unpacked::unpacked;
 use chronotope::map::{Map, Snapshot};
 
 /// Some places, learnt from what was seen before a moment.
 pub(super) struct Known {
-    explored: Box<dyn Explored>,
-    /// By whose clocks the rhythms were learnt.
-    zone: Option<Zone>,
+    pub(super) places: InZone,
     /// Looks that were left out because they are not before that moment.
     pub(super) num_later: usize,
     /// The times and places of those since a moment that the caller asked for.
     pub(super) lately: Vec<(Time, usize)>,
-}
-
-impl Explored for Known {
-    fn num_places(&self) -> usize {
-        self.explored.num_places()
-    }
-
-    fn name(&self, place: usize) -> &str {
-        self.explored.name(place)
-    }
-
-    fn num_states(&self, place: usize) -> usize {
-        self.explored.num_states(place)
-    }
-
-    fn predict_into(&self, place: usize, time: Time, out: &mut [f64]) {
-        self.explored.predict_into(place, self.wall(time), out);
-    }
-
-    fn usual_into(&self, place: usize, time: Time, out: &mut [f64]) {
-        self.explored.usual_into(place, self.wall(time), out);
-    }
-
-    fn looks(&self, place: usize, time: Time) -> f64 {
-        self.explored.looks(place, self.wall(time))
-    }
-
-    fn kept(&self, place: usize, age_s: f64) -> f64 {
-        self.explored.kept(place, age_s)
-    }
-
-    fn kept_squared(&self, place: usize, age_s: f64) -> f64 {
-        self.explored.kept_squared(place, age_s)
-    }
-
-    fn last_look(&self, place: usize) -> Option<Time> {
-        self.explored.last_look(place)
-    }
-}
-
-impl Known {
-    fn wall(&self, time: Time) -> Time {
-        self.zone.as_ref().map_or(time, |zone| zone.wall(time))
-    }
 }
 
 /// How series are read and learnt.
@@ -107,23 +60,10 @@ pub(super) fn known(
             }
         }
     }
-    looks.sort_by_key(|&(time, place, _)| (time, place));
-    let names = series.iter().map(|(name, _)| (name.as_str(), 1));
-    let mut beliefs = Beliefs::new(names, reading.model);
-    let day = |time: Time| time.as_us().div_euclid(Period::DAY.as_us());
-    let mut today = None;
-    for (time, place, state) in looks {
-        // As a robot would have: conclusions are drawn once a day.
-        if today.is_some_and(|today| today != day(time)) {
-            beliefs.learn()?;
-        }
-        today = Some(day(time));
-        beliefs.observe(place, time, &[state])?;
-    }
-    beliefs.learn()?;
+    let names = series.iter().map(|(name, _)| name.as_str());
+    let beliefs = Beliefs::of_looks(names, reading.model, looks)?;
     Ok(Known {
-        explored: Box::new(beliefs),
-        zone: reading.zone.cloned(),
+        places: InZone::new(beliefs, reading.zone.cloned()),
         num_later,
         lately,
     })
@@ -149,29 +89,18 @@ fn is_map(path: &Path) -> fremen::Result<bool> {
 /// The features of each place of a map, by their natural rhythms and the clocks of the map's zone.
 fn of_map(snapshot: &Snapshot, since: Time, before: Time) -> fremen::Result<Known> {
     let zone = snapshot.meta().civil_zone()?;
-    let wall = |time: Time| zone.as_ref().map_or(time, |zone| zone.wall(time));
     let mut fitted = Fitted::new();
     let (mut num_later, mut lately) = (0, Vec::new());
     for (place, node) in snapshot.nodes().iter().enumerate() {
-        let mut log = HistoryLog::new();
-        for (visit, &time) in node.log().times().iter().enumerate() {
-            if time >= before {
-                num_later += 1;
-                continue;
-            }
-            if time >= since {
-                lately.push((time, place));
-            }
-            let hidden = node.log().hidden_row(visit).cloned();
-            log.push_visit(wall(time), node.log().seen_row(visit).clone(), hidden)?;
-        }
-        let model = fit(&log, &VisibilityConfig::natural(), Visits::All)?;
-        let last = log.times().iter().max().copied();
-        fitted.push(node.key().as_str(), model, log.num_visits() as f64, last)?;
+        let times = node.log().times().iter().copied();
+        lately.extend(times.filter_map(|time| {
+            let is_meant = (since..before).contains(&time);
+            is_meant.then_some((time, place))
+        }));
+        num_later += fitted.push_log(node.key().as_str(), node.log(), before, zone.as_ref())?;
     }
     Ok(Known {
-        explored: Box::new(fitted),
-        zone,
+        places: InZone::new(fitted, zone),
         num_later,
         lately,
     })

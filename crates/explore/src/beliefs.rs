@@ -1,7 +1,7 @@
 //! What does the robot believe of each place, and what does it learn from a look?
 
 use fremen::online::{OnlineConfig, OnlineModel};
-use fremen::{Error, ErrorKind, Result, Time};
+use fremen::{Error, ErrorKind, Period, Result, Time};
 
 use crate::explored::Explored;
 
@@ -28,6 +28,30 @@ impl Beliefs {
     pub fn of_models(models: Vec<(String, Box<dyn OnlineModel>)>) -> Self {
         let (names, models) = models.into_iter().unzip();
         Self { names, models }
+    }
+
+    /// Of places with one state each, learnt from looks of which each is a time, a place and what was
+    /// seen there, in any order: as a robot would have, conclusions are drawn once a day.
+    ///
+    /// Fails if there is no such place.
+    pub fn of_looks<N: Into<String>>(
+        names: impl IntoIterator<Item = N>,
+        cfg: &OnlineConfig,
+        mut looks: Vec<(Time, usize, bool)>,
+    ) -> Result<Self> {
+        looks.sort_by_key(|&(time, place, _)| (time, place));
+        let mut beliefs = Self::new(names.into_iter().map(|name| (name, 1)), cfg);
+        let day = |time: Time| time.as_us().div_euclid(Period::DAY.as_us());
+        let mut today = None;
+        for (time, place, state) in looks {
+            if today.is_some_and(|today| today != day(time)) {
+                beliefs.learn()?;
+            }
+            today = Some(day(time));
+            beliefs.observe(place, time, &[state])?;
+        }
+        beliefs.learn()?;
+        Ok(beliefs)
     }
 
     /// Takes what was seen at a place.

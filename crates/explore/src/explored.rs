@@ -1,6 +1,7 @@
 //! What can be explored?
 
-use fremen::visibility::VisibilityModel;
+use fremen::time::Zone;
+use fremen::visibility::{HistoryLog, VisibilityConfig, VisibilityModel, Visits, fit};
 use fremen::{Error, ErrorKind, Result, Time};
 
 /// Places that a robot can look at, and what is believed of the states that it would see there.
@@ -112,6 +113,31 @@ impl Fitted {
             knows_itself,
         });
         Ok(())
+    }
+
+    /// Adds a place with the visits of `log` that were before `before`, learnt by their natural rhythms
+    /// and the clocks of `zone`; gives how many visits were later.
+    ///
+    /// Fails if the name is taken, and if no model can be learnt.
+    pub fn push_log(
+        &mut self,
+        name: impl Into<String>,
+        log: &HistoryLog,
+        before: Time,
+        zone: Option<&Zone>,
+    ) -> Result<usize> {
+        let mut known = HistoryLog::new();
+        for (visit, &time) in log.times().iter().enumerate() {
+            if time < before {
+                let wall = zone.map_or(time, |zone| zone.wall(time));
+                let hidden = log.hidden_row(visit).cloned();
+                known.push_visit(wall, log.seen_row(visit).clone(), hidden)?;
+            }
+        }
+        let model = fit(&known, &VisibilityConfig::natural(), Visits::All)?;
+        let (looks, last) = (known.num_visits(), known.times().iter().max().copied());
+        self.push(name, model, looks as f64, last)?;
+        Ok(log.num_visits() - looks)
     }
 }
 

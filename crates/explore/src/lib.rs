@@ -46,13 +46,14 @@
 //!
 //! # Files
 //!
-//! `explored` says what can be explored; `roads` and `tour` say what driving allows; `beliefs` learns it; `worth` and `outlook` say what a look
+//! `explored` says what can be explored; `roads` and `tour` say what driving allows; `beliefs` learns it, `in_zone` by the clocks of a zone; `worth` and `outlook` say what a look
 //! is worth; `uninformed`, `informed`, `novelty` and `explorer` choose; `plan` is what comes out;
 //! `recording` and `simulate` play a day's work through on data.
 
 mod beliefs;
 mod explored;
 mod explorer;
+mod in_zone;
 mod informed;
 mod novelty;
 mod outlook;
@@ -70,6 +71,7 @@ mod worth;
 pub use beliefs::Beliefs;
 pub use explored::{Explored, Fitted};
 pub use explorer::{ExploreConfig, Explorer, MadeVisits, plan, plan_rest};
+pub use in_zone::InZone;
 pub use outlook::{Prospect, next_look_bits, plan_tour, prospects};
 pub use plan::{Plan, Reason, Share, Visit};
 pub use recording::Recording;

@@ -99,8 +99,22 @@ impl Roads {
                 _ => return Err(bad(format!("`{}` is no node and no link", line.trim()))),
             }
         }
-        let all = Self::new(nodes.len(), &links)?;
-        let num_places = names.len();
+        Self::among(names.len(), nodes.len(), &links)
+    }
+
+    /// Of the first `num_places` of `num_nodes` nodes; all others are on the way only.
+    ///
+    /// Fails as [`new`](Self::new) does, and if there are fewer nodes than places.
+    pub fn among(
+        num_places: usize,
+        num_nodes: usize,
+        links: &[(usize, usize, f64)],
+    ) -> Result<Self> {
+        if num_nodes < num_places {
+            let message = format!("{num_places} places among {num_nodes} nodes");
+            return Err(Error::new(ErrorKind::Shape, message));
+        }
+        let all = Self::new(num_nodes, links)?;
         let travel_s = (0..num_places)
             .flat_map(|from| (0..num_places).map(move |to| (from, to)))
             .map(|(from, to)| all.travel_s(from, to).unwrap_or(f64::INFINITY))

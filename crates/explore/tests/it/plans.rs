@@ -3,7 +3,7 @@
 use fremen::online::OnlineConfig;
 use fremen::{Period, Time};
 use fremen_explore::{
-    Beliefs, ExploreConfig, Explored, Explorer, MadeVisits, Share, Slots, Strategy, Visit,
+    Beliefs, ExploreConfig, Explored, Explorer, InZone, MadeVisits, Share, Slots, Strategy, Visit,
     next_look_bits, plan, plan_rest, simulate,
 };
 use proptest::prelude::*;
@@ -179,4 +179,48 @@ fn each_further_look_of_a_day_is_expected_to_add_less() {
     // The best look comes first; a look between two others may teach more of how long states stay.
     assert!(bits[0] >= bits.iter().copied().fold(0.0, f64::max) - 1e-9);
     assert!(bits[143] < 0.5 * bits[0], "{} {}", bits[143], bits[0]);
+}
+
+#[test]
+fn looks_are_learnt_in_order_of_time_and_once_a_day() {
+    let looks: Vec<(Time, usize, bool)> = (0..600)
+        .map(|hour| {
+            (
+                Time::from_s(3_600 * hour),
+                (hour % 2) as usize,
+                hour % 24 > 12,
+            )
+        })
+        .collect();
+    let reversed = looks.iter().rev().copied().collect();
+    let model = OnlineConfig::default();
+    let mut by_hand = Beliefs::new([("a", 1), ("b", 1)], &model);
+    for (at, &(time, place, state)) in looks.iter().enumerate() {
+        if at > 0 && at % 24 == 0 {
+            by_hand.learn().unwrap();
+        }
+        by_hand.observe(place, time, &[state]).unwrap();
+    }
+    by_hand.learn().unwrap();
+    let learnt = Beliefs::of_looks(["a", "b"], &model, reversed).unwrap();
+    // Without a zone times are what they are; in a zone its clocks count.
+    let zone = fremen::time::Zone::new("Etc/GMT-3").unwrap();
+    let plain = InZone::new(Beliefs::of_looks(["a", "b"], &model, looks).unwrap(), None);
+    let zoned = InZone::new(learnt, Some(zone));
+    for hour in 600..640 {
+        let time = Time::from_s(3_600 * hour);
+        for place in 0..2 {
+            let p = |explored: &dyn Explored, time| {
+                let mut p = [0.0];
+                explored.predict_into(place, time, &mut p);
+                (p, explored.looks(place, time))
+            };
+            assert_eq!(p(&plain, time), p(&by_hand, time));
+            assert_eq!(
+                p(&zoned, time.plus_us(-3 * 3_600_000_000)),
+                p(&by_hand, time)
+            );
+        }
+    }
+    assert!(Beliefs::of_looks(["a"], &model, vec![(Time::default(), 1, true)]).is_err());
 }

@@ -69,6 +69,18 @@ arguments! {
     PointsLike,
     /// Descriptors, one a row.
     DescriptorsLike,
+    /// A map of cells: an array, or the path of one.
+    CellsLike,
+    /// A grid, or the path of one.
+    GridLike,
+    /// Numbers.
+    FloatsLike,
+    /// Names of places, perhaps with numbers of states.
+    PlacesLike,
+    /// What is explored: series, a map, or the path of one.
+    ExploredLike,
+    /// 0/1 states of one place.
+    LookLike,
     /// Microseconds.
     Microseconds,
     /// 0, 1 or -1.
@@ -88,6 +100,14 @@ answers! {
     Numbers,
     /// float64, (n, 3).
     Triples,
+    /// float32 of a grid's shape.
+    Probabilities,
+    /// int8 of a grid's shape.
+    Occupancy,
+    /// Of a cell: its index in an array.
+    Index,
+    /// Metres.
+    Point,
     /// uint32, (n,).
     Ids,
     /// int64, (n,).

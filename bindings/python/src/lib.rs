@@ -8,9 +8,19 @@
 //! hears Ctrl-C.
 
 mod answer;
+mod explore;
+mod explorer;
 mod failure;
 mod features;
 mod fleet;
+mod grid;
+mod grid_answer;
+mod grid_cells;
+mod grid_changes;
+mod grid_json;
+mod grid_office;
+mod grid_robot;
+mod grid_state;
 mod hints;
 mod image;
 mod learn_folder;
@@ -35,11 +45,26 @@ mod _chronotope {
     #[pymodule_export]
     use crate::answer::{PyCandidate, PyLocalization};
     #[pymodule_export]
+    use crate::explore::{
+        PySimulation, PyTour, explore_next, explore_plan, explore_prospects, explore_simulate,
+        explore_tour,
+    };
+    #[pymodule_export]
+    use crate::explorer::{PyExplorer, PyProspect, PyVisit};
+    #[pymodule_export]
     use crate::features::{PyFeatures, address_of, extract};
     #[pymodule_export]
     use crate::fleet::{
         compact, evaluate_visits, join_maps, merge_sums, predict_models, sum_visits,
     };
+    #[pymodule_export]
+    use crate::grid::PyGrid;
+    #[pymodule_export]
+    use crate::grid_answer::{PyCellExplanation, PyObserved, PyVerdict};
+    #[pymodule_export]
+    use crate::grid_office::PyOffice;
+    #[pymodule_export]
+    use crate::grid_robot::{PyGridLocalizer, PyGridPath, PyPoseEstimate};
     #[pymodule_export]
     use crate::learner::PyLearner;
     #[pymodule_export]

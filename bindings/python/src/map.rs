@@ -119,7 +119,7 @@ pub(crate) fn place_in(snapshot: &Snapshot, key: &str, path: Option<&Path>) -> R
 }
 
 /// A snapshot of what a caller named: a map that is open, or the path of one.
-fn snapshot_of(map: &Bound<'_, PyAny>) -> Result<(PathBuf, Arc<Snapshot>)> {
+pub(crate) fn snapshot_of(map: &Bound<'_, PyAny>) -> Result<(PathBuf, Arc<Snapshot>)> {
     if let Ok(map) = map.cast::<PyMap>() {
         let map = map.get();
         return Ok((map.path.clone(), map.snapshot()?));

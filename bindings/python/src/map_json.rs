@@ -11,7 +11,7 @@ use chronotope::predict::PredictedMap;
 use chronotope::{Result, Time};
 use serde_json::{Value, json};
 
-fn hex(bytes: &[u8]) -> String {
+pub(crate) fn hex(bytes: &[u8]) -> String {
     use std::fmt::Write as _;
     bytes.iter().fold(String::new(), |mut text, byte| {
         let _ = write!(text, "{byte:02x}");

@@ -35,6 +35,19 @@ pub(crate) fn time_of(object: &Bound<'_, PyAny>) -> Result<Time> {
     Ok(Time::from_us(us))
 }
 
+/// The moments of an array, a list or a column.
+pub(crate) fn times_of(object: &Bound<'_, PyAny>) -> Result<Vec<Time>> {
+    static READ: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    let read = function(object.py(), &READ, "chronotope._times", "us_array")?;
+    let times: numpy::PyReadonlyArray1<'_, i64> = read.call1((object,))?.extract()?;
+    Ok(times
+        .as_array()
+        .iter()
+        .copied()
+        .map(Time::from_us)
+        .collect())
+}
+
 /// The same of what may be left out.
 pub(crate) fn time_if_given(object: Option<TimeLike<'_>>) -> Result<Option<Time>> {
     object.map(|object| time_of(&object.0)).transpose()

@@ -22,7 +22,7 @@ pub(crate) struct PySeriesModel {
     model: std::sync::Arc<SeriesModel>,
 }
 
-fn times_of(times: &Microseconds<'_>) -> Result<Vec<Time>> {
+pub(crate) fn times_of_us(times: &Microseconds<'_>) -> Result<Vec<Time>> {
     let times: PyReadonlyArray1<'_, i64> = times.0.extract()?;
     Ok(times
         .as_array()
@@ -32,7 +32,7 @@ fn times_of(times: &Microseconds<'_>) -> Result<Vec<Time>> {
 }
 
 fn samples_of(times: &Microseconds<'_>, states: &States<'_>) -> Result<Vec<(Time, Option<bool>)>> {
-    let times = times_of(times)?;
+    let times = times_of_us(times)?;
     let states: PyReadonlyArray1<'_, i8> = states.0.extract()?;
     let states = states.as_array();
     if times.len() != states.len() {
@@ -51,7 +51,7 @@ fn samples_of(times: &Microseconds<'_>, states: &States<'_>) -> Result<Vec<(Time
     Ok(times.into_iter().zip(states.iter().map(state)).collect())
 }
 
-fn series_of(times: &Microseconds<'_>, states: &States<'_>) -> Result<Series> {
+pub(crate) fn series_of(times: &Microseconds<'_>, states: &States<'_>) -> Result<Series> {
     Ok(samples_of(times, states)?.into_iter().collect())
 }
 
@@ -99,7 +99,7 @@ impl PySeriesModel {
 
     /// p at each time, float64 (n,).
     fn p<'py>(&self, py: Python<'py>, times_us: Microseconds<'py>) -> Result<Numbers<'py>> {
-        let (times, model) = (times_of(&times_us)?, self.model.clone());
+        let (times, model) = (times_of_us(&times_us)?, self.model.clone());
         let p = interruptible(py, move || {
             Ok(times
                 .into_iter()
@@ -111,7 +111,7 @@ impl PySeriesModel {
 
     /// p with the lower and the upper end of its 95 % interval, float64 (n, 3).
     fn estimate<'py>(&self, py: Python<'py>, times_us: Microseconds<'py>) -> Result<Triples<'py>> {
-        let (times, model) = (times_of(&times_us)?, self.model.clone());
+        let (times, model) = (times_of_us(&times_us)?, self.model.clone());
         let p = interruptible(py, move || {
             let estimates = times.into_iter().map(|time| model.estimate(time));
             Ok(estimates

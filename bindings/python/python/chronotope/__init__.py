@@ -13,7 +13,8 @@ Features(100 of an image of 448 x 384 px)
 
 ``Map`` is a map file, ``Localizer`` says where an image was taken, ``Robot`` does so image after image
 and learns, ``Learner`` learns labelled images, ``Tracker`` follows a way. ``chronotope.series`` has the
-models of any 0/1 series in scikit-learn's manner: a door, a person in a room.
+models of any 0/1 series in scikit-learn's manner: a door, a person in a room. ``Grid`` predicts which cell of
+the world is occupied when, and ``chronotope.explore`` with its ``Explorer`` says when and where to look next.
 
 Images are uint8, (height, width) in grey or (height, width, 3) in RGB; x to the right and y down, the
 centre of the first pixel at (0, 0). Times are aware datetimes, datetime64 of UTC, text with an offset,
@@ -23,16 +24,25 @@ engine has to say goes to ``logging.getLogger("chronotope")``.
 
 from __future__ import annotations
 
-from . import series
+from . import explore, series
 from ._chronotope import (
     Candidate,
+    CellExplanation,
+    Explorer,
     Features,
+    Grid,
+    GridLocalizer,
+    GridObservation,
+    GridPath,
+    GridVerdict,
     LearnReport,
     Learner,
     Localization,
     Localizer,
     Map,
+    Office,
     Place,
+    PoseEstimate,
     PredictedMap,
     Robot,
     Street,
@@ -62,14 +72,21 @@ __version__ = "0.1.0"
 __all__ = [
     "AlreadyExistsError",
     "Candidate",
+    "CellExplanation",
     "ChecksumError",
     "ClosedError",
     "ConfigError",
     "ConflictError",
     "Error",
+    "Explorer",
     "Features",
     "FormatError",
     "Fremen",
+    "Grid",
+    "GridLocalizer",
+    "GridObservation",
+    "GridPath",
+    "GridVerdict",
     "InternalError",
     "IoError",
     "LearnReport",
@@ -78,7 +95,9 @@ __all__ = [
     "Localizer",
     "Map",
     "NotFoundError",
+    "Office",
     "Place",
+    "PoseEstimate",
     "PredictedMap",
     "Robot",
     "ShapeError",
@@ -86,6 +105,7 @@ __all__ = [
     "TimeError",
     "Tracker",
     "exif_time",
+    "explore",
     "extract",
     "series",
     "write_street",

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
-    from ._chronotope import Features, Localization, Map
+    from ._chronotope import Features, Grid, Localization, Map
     from ._errors import Error
 
 #: A path of the file system.
@@ -39,6 +39,18 @@ ProgressLike: TypeAlias = Union[bool, Callable[[int, int], object]]
 PointsLike: TypeAlias = npt.ArrayLike
 #: uint8 (n, 32).
 DescriptorsLike: TypeAlias = npt.ArrayLike
+#: A map of cells: bool, int8 or float, (height, width) or (depth, height, width); where offered, a path.
+CellsLike: TypeAlias = Any
+#: A grid, or the path of one.
+GridLike: TypeAlias = Union["Grid", str, "os.PathLike[str]"]
+#: Numbers, as an array or as lists.
+FloatsLike: TypeAlias = npt.ArrayLike
+#: Names of places; with how many 0/1 states each shows, a dictionary.
+PlacesLike: TypeAlias = Union[Sequence[str], Mapping[str, int]]
+#: What is explored, as the engine takes it.
+ExploredLike: TypeAlias = Any
+#: What was seen of a place: True or False, or as many of them as it has states.
+LookLike: TypeAlias = Union[bool, Sequence[bool], "npt.NDArray[Any]"]
 #: int64 microseconds since 1970.
 Microseconds: TypeAlias = npt.NDArray[np.int64]
 #: int32 (n,).
@@ -51,6 +63,14 @@ Strengths: TypeAlias = npt.NDArray[np.float32]
 Descriptors: TypeAlias = npt.NDArray[np.uint8]
 Numbers: TypeAlias = npt.NDArray[np.float64]
 Triples: TypeAlias = npt.NDArray[np.float64]
+#: float32 of a grid's shape, NaN where unknown.
+Probabilities: TypeAlias = npt.NDArray[np.float32]
+#: int8 of a grid's shape: 100, 0, or -1 where unknown.
+Occupancy: TypeAlias = npt.NDArray[np.int8]
+#: (row, column), in 3-D (layer, row, column).
+Index: TypeAlias = tuple[int, ...]
+#: (x, y), in 3-D (x, y, z), in m.
+Point: TypeAlias = tuple[float, ...]
 Ids: TypeAlias = npt.NDArray[np.uint32]
 Stamps: TypeAlias = npt.NDArray[np.int64]
 Ternary: TypeAlias = npt.NDArray[np.int8]

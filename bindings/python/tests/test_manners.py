@@ -203,10 +203,10 @@ def test_importing_it_loads_nothing_that_it_does_not_need() -> None:
 
 
 def test_everything_public_is_documented() -> None:
-    from chronotope import series
+    from chronotope import explore, series
 
     undocumented = []
-    for module in (chronotope, series):
+    for module in (chronotope, explore, series):
         assert module.__doc__
         for name in module.__all__:
             found = getattr(module, name)
@@ -226,9 +226,9 @@ def test_everything_public_is_documented() -> None:
 def test_the_examples_of_the_documentation_hold() -> None:
     import doctest
 
-    from chronotope import series
+    from chronotope import explore, series
 
-    for module in (chronotope, series):
+    for module in (chronotope, explore, series):
         assert doctest.testmod(module).failed == 0
 
 

@@ -231,7 +231,7 @@ impl PyGrid {
     /// does.
     ///
     /// The folder has an ``index.csv`` with the columns time, path and perhaps observer; maps are those
-    /// of map_server (YAML), in 3-D OctoMap trees (``*.bt``) and lists of points (``*.ply``, ``*.csv``,
+    /// of ``map_server`` (YAML), in 3-D ``OctoMap`` trees (``*.bt``) and lists of points (``*.ply``, ``*.csv``,
     /// in voxels of ``voxel`` metres). They must be on one raster; the grid covers them all.
     ///
     /// Errors: ``AlreadyExistsError`` if ``path`` exists, ``FormatError`` and ``NotFoundError`` for
@@ -495,7 +495,7 @@ impl PyGrid {
     /// onto the map that the grid predicts for its time, and what contradicts that more than usual is
     /// not believed.
     ///
-    /// ``map`` is an array as for ``observe``, or the path of a map (YAML of map_server, ``*.bt``,
+    /// ``map`` is an array as for ``observe``, or the path of a map (YAML of ``map_server``, ``*.bt``,
     /// ``*.ply``, ``*.csv``). ``trust=True`` integrates it whatever it shows, which a map of a 3-D grid
     /// has to be. Only grids in files have a quarantine. Each call is a generation; ``add_folder``
     /// makes one of many maps.
@@ -775,7 +775,7 @@ impl PyGrid {
     }
 
     /// Writes the map that is expected at a time, as ``chronotope grid predict --out`` does:
-    /// ``NAME.yaml`` with its picture beside it for map_server, in 3-D ``*.bt`` (OctoMap), or a list of
+    /// ``NAME.yaml`` with its picture beside it for ``map_server``, in 3-D ``*.bt`` (``OctoMap``), or a list of
     /// points, ``*.ply``, ``*.csv``. ``mode`` says what shades mean: ``"trinary"``, ``"scale"`` or
     /// ``"raw"``. An earlier map is replaced.
     ///

@@ -154,11 +154,9 @@ fn dims_of(shape: &[usize], grid: &GridSpec) -> chronotope::Result<[u32; 3]> {
             "(depth, height, width)"
         };
         let message = format!("an array of {} for a {num_axes}-D grid", shape_text(shape));
-        return Err(Error::new(ErrorKind::Shape, message)
-            .with_help(format!(
-                "give {axes}; of several maps one at a time, or observe_many"
-            ))
-            .into());
+        return Err(Error::new(ErrorKind::Shape, message).with_help(format!(
+            "give {axes}; of several maps one at a time, or observe_many"
+        )));
     }
     let mut dims = [1; 3];
     for (dim, &side) in dims.iter_mut().zip(shape.iter().rev()) {

@@ -119,12 +119,15 @@ impl Sensed {
         sensor: Option<&str>,
     ) -> Result<OccupancyMap> {
         refuse_3d(spec)?;
-        let model = match sensor {
-            Some("ideal") => InverseSensorModel::ideal(),
-            Some("reduced") => InverseSensorModel::reduced(),
-            None if self.scans.len() == 1 => InverseSensorModel::ideal(),
-            None => InverseSensorModel::reduced(),
-            Some(other) => {
+        let one_or_several = if self.scans.len() == 1 {
+            "ideal"
+        } else {
+            "reduced"
+        };
+        let model = match sensor.unwrap_or(one_or_several) {
+            "ideal" => InverseSensorModel::ideal(),
+            "reduced" => InverseSensorModel::reduced(),
+            other => {
                 let message = format!("there is no sensor `{other}`");
                 return Err(Error::new(ErrorKind::Config, message)
                     .with_place("sensor")

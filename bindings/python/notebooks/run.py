@@ -15,7 +15,7 @@ import nbformat
 from nbclient import NotebookClient
 
 HERE = pathlib.Path(__file__).resolve().parent
-NOTEBOOKS = ("street", "door", "predictions")
+NOTEBOOKS = ("street", "door", "predictions", "grid")
 
 
 def notebook_of(source: str) -> nbformat.NotebookNode:

@@ -164,9 +164,9 @@ impl<'a> Left<'a> {
 #[cfg(test)]
 mod tests {
     use std::borrow::Cow;
+    use std::io::Cursor;
 
     use mcap::records::{ChunkHeader, MessageHeader, SchemaHeader};
-    use mcap::write::NoSeek;
     use mcap::{Compression, WriteOptions, Writer};
 
     use super::*;
@@ -175,7 +175,7 @@ mod tests {
     fn written() -> Vec<u8> {
         let options = WriteOptions::new().compression(Some(Compression::Zstd));
         let mut bytes = Vec::new();
-        let mut writer = Writer::with_options(NoSeek::new(&mut bytes), options).expect("in memory");
+        let mut writer = Writer::with_options(Cursor::new(&mut bytes), options).expect("in memory");
         let schema = (writer.add_schema("std_msgs/msg/String", "ros2msg", b"string data"))
             .expect("in memory");
         let channel =

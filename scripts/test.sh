@@ -52,12 +52,14 @@ beside=${CARGO_TARGET_DIR:-target}/beside
 mkdir -p "$beside"
 beside=$(realpath "$beside")
 export beside
+rm -rf "$beside/python"
 # A process group of its own, so that nothing of it outlives this script; not a session, within which alone
 # `nice` counts on many systems.
 set -m
 CARGO_TARGET_DIR=$beside nice -n 19 bash -ec '
-    # What maturin has to build then is little more than the package.
-    cargo build --locked --manifest-path bindings/python/Cargo.toml
+    # First and whole: its tests take one processor for minutes, while the dashboard is built.
+    PROFILE=dev bash scripts/python.sh build "$beside/python"
+    touch "$beside/python/is-built"
     cargo test --locked --no-run --manifest-path bindings/Cargo.toml --workspace
     bash scripts/robots.sh tools
     cargo test --locked --no-run --manifest-path crates/dashboard/Cargo.toml
@@ -116,7 +118,12 @@ done
 CHRONOTOPE_COMMAND=$(realpath "${CARGO_TARGET_DIR:-target}/debug/chronotope")
 export CHRONOTOPE_COMMAND
 say "python"
-CARGO_TARGET_DIR=$beside PROFILE=dev bash scripts/python.sh
+until [ -e "$beside/python/is-built" ]; do
+    kill -0 "$building" 2>/dev/null || { cat "$beside.log"; fail "the Python package cannot be built"; }
+    sleep 1
+done
+bash scripts/python.sh check "$beside/python"
+rm -rf "$beside/python"
 
 say "bindings and dashboard: the rest of their build"
 wait "$building" || { cat "$beside.log"; fail "bindings or dashboard cannot be built"; }

@@ -590,7 +590,7 @@ class NodeTest(unittest.TestCase):
         # Without its map it cannot be configured; once one is named it can.
         self.assertFalse(self.change(Transition(id=1)))
         self.assertEqual(self.state(), "unconfigured")
-        self.assertTrue(self.node.said("not there.map"), self.node.lines)
+        self.assertTrue(self.robot.wait(lambda: self.node.said("not there.map")), self.node.lines)
         self.assertEqual(self.robot.set("map", str(built)), (True, ""))
         self.assertTrue(self.change(Transition(label="configure")))
         self.diagnosis("map", level=0, text="generation 1", each=send)

@@ -32,7 +32,7 @@ def seconds(work: Callable[[], object]) -> float:
 def main() -> None:
     num_turns = int(sys.argv[1]) if len(sys.argv) > 1 else 15
     street = chronotope.Street(seed=1, num_places=4)
-    learn, query = street.schedule(num_learn=12, num_query=8)
+    learn, query = street.schedule(num_learn=12, num_query=32)
     frames = [(street.render(place, at), at) for at in query for place in street.places]
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder) / "street.map"
@@ -51,9 +51,14 @@ def main() -> None:
             for thread in threads:
                 thread.join()
 
-        on_threads(2)
-        gains = [seconds(lambda: on_threads(1)) / seconds(lambda: on_threads(2)) for _ in range(num_turns)]
-        print(f"two threads of Python: {statistics.median(gains):.2f} times as fast as one ({len(frames)} images, {num_turns} turns)")
+        def in_engine(num: int) -> None:
+            localizer.localize_many([image for image, _ in frames], [at for _, at in frames], threads=num)
+
+        print(f"two threads against one, {len(frames)} images, {num_turns} turns:")
+        for name, work in (("of Python", on_threads), ("of the engine", in_engine)):
+            work(2)
+            gains = [seconds(lambda: work(1)) / seconds(lambda: work(2)) for _ in range(num_turns)]
+            print(f"  {name}: {statistics.median(gains):.2f} times as fast")
 
         with chronotope.Robot(path) as robot:
             costs = []

@@ -247,10 +247,7 @@ impl PyGrid {
         voxel: Option<f64>,
     ) -> Result<Self> {
         let (folder, path) = (path_of(&folder)?, path_of(&path)?);
-        let reading = Reading {
-            thresholds: thresholds(occupied, free)?,
-            voxel_m: voxel,
-        };
+        let reading = Reading::of(occupied, free, voxel)?;
         let config = GridConfig::default();
         let file = grid_changes::build(py, &folder, &path, reading, &config)?;
         Ok(Self::of(Shared::of_file(file, config)))
@@ -453,10 +450,7 @@ impl PyGrid {
         free: f32,
         voxel: Option<f64>,
     ) -> Result<PyObserved> {
-        let reading = Reading {
-            thresholds: thresholds(occupied, free)?,
-            voxel_m: voxel,
-        };
+        let reading = Reading::of(occupied, free, voxel)?;
         let time = time_of(&time.0)?;
         let patch = self.patch(py, &map.0, origin, reading)?;
         let verdict = self.shared.change(py, |state| {
@@ -516,10 +510,7 @@ impl PyGrid {
         free: f32,
         voxel: Option<f64>,
     ) -> Result<PyVerdict> {
-        let reading = Reading {
-            thresholds: thresholds(occupied, free)?,
-            voxel_m: voxel,
-        };
+        let reading = Reading::of(occupied, free, voxel)?;
         let time = time_of(&time.0)?;
         let patch = self.patch(py, &map.0, origin, reading)?;
         let taken = self.shared.change(py, |state| {
@@ -542,10 +533,7 @@ impl PyGrid {
         voxel: Option<f64>,
     ) -> Result<Vec<PyVerdict>> {
         let folder = path_of(&folder)?;
-        let reading = Reading {
-            thresholds: thresholds(occupied, free)?,
-            voxel_m: voxel,
-        };
+        let reading = Reading::of(occupied, free, voxel)?;
         let spec = self.shared.spec;
         self.shared.change(py, |state| {
             state.guarded(|grid| grid_changes::add_folder(grid, &spec, &folder, reading, trust))

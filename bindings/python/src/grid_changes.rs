@@ -32,6 +32,14 @@ pub(crate) struct Reading {
 }
 
 impl Reading {
+    /// Above and below which values cells are occupied and free, and how large voxels are.
+    pub(crate) fn of(occupied: f32, free: f32, voxel_m: Option<f64>) -> Result<Self> {
+        Ok(Self {
+            thresholds: Thresholds::new(free, occupied)?,
+            voxel_m,
+        })
+    }
+
     pub(crate) fn read(&self, path: &Path) -> Result<OccupancyMap> {
         read_map(path, self.voxel_m).map_err(|error| {
             if self.voxel_m.is_none() && error.kind() == ErrorKind::Config {
